@@ -1,0 +1,106 @@
+"""Checks of what users pass; each message names the argument, what was expected and what came."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+def as_rows(name: str, values: ArrayLike, n_columns: int, *, finite: bool = True) -> Floats:
+    """``values`` as a C-contiguous (n, n_columns) float64 array."""
+    array = _as_floats(name, values)
+    if array.ndim != 2 or array.shape[1] != n_columns:
+        raise ValueError(f"{name} must have shape (n, {n_columns}), not {array.shape}")
+    if finite:
+        check_finite(name, array)
+    return np.ascontiguousarray(array)
+
+
+def as_vector(name: str, values: ArrayLike, length: int) -> Floats:
+    """``values`` as a finite float64 array of the given length."""
+    array = _as_floats(name, values)
+    if array.shape != (length,):
+        raise ValueError(f"{name} must have shape ({length},), not {array.shape}")
+    check_finite(name, array)
+    return array
+
+
+def as_column(name: str, values: ArrayLike, n_rows: int) -> Floats:
+    """``values`` as a float64 array of one number a row; one number serves for all."""
+    array = _as_floats(name, values)
+    if array.shape not in ((), (n_rows,)):
+        raise ValueError(f"{name} must be a number or have shape ({n_rows},), not {array.shape}")
+    return np.ascontiguousarray(np.broadcast_to(array, (n_rows,)))
+
+
+def _as_floats(name: str, values: ArrayLike) -> Floats:
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind not in "biuf" and array.size:
+            raise TypeError(f"its elements are {array.dtype}")
+        return array.astype(np.float64, copy=False)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} must be an array of numbers: {error}") from None
+
+
+def check_finite(name: str, array: Floats) -> None:
+    """Refuse NaN and infinity, and say where the first is."""
+    if array.size and not np.isfinite(array).all():
+        bad = ~np.isfinite(array)
+        rows = bad.any(axis=tuple(range(1, bad.ndim))) if bad.ndim > 1 else bad
+        raise ValueError(
+            f"{name} must be finite, but {int(rows.sum())} of {len(rows)} rows are not (the first "
+            f"is row {int(np.argmax(rows))}); leave them out, for example with "
+            f"np.isfinite({name})"
+        )
+
+
+def number(name: str, value: Any, *, low: float = -np.inf, above: float = -np.inf) -> float:
+    """``value`` as a finite float that is at least ``low`` and greater than ``above``."""
+    try:
+        result = float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be a number, not {value!r}") from None
+    if not np.isfinite(result):
+        raise ValueError(f"{name} must be finite, not {value!r}")
+    if result <= above:
+        raise ValueError(f"{name} must be greater than {above:g}, not {value!r}")
+    if result < low:
+        raise ValueError(f"{name} must be at least {low:g}, not {value!r}")
+    return result
+
+
+def integer(name: str, value: Any, *, low: int) -> int:
+    """``value`` as an int that is at least ``low``."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise TypeError(f"{name} must be an integer, not {value!r}")
+    if value < low:
+        raise ValueError(f"{name} must be at least {low}, not {value!r}")
+    return int(value)
+
+
+def choice(name: str, value: str, choices: Sequence[str]) -> str:
+    """``value`` when it is one of ``choices``."""
+    if value not in choices:
+        raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, not {value!r}")
+    return value
+
+
+def n_jobs_or_none(n_jobs: int | None) -> int | None:
+    """The number of threads to ask for; -1 means as many as there are, which is the default."""
+    if n_jobs is None or n_jobs == -1:
+        return None
+    return integer("n_jobs", n_jobs, low=1)
+
+
+def frozen(array: NDArray[Any]) -> Any:
+    """The array, which nobody can write to any more."""
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,37 @@
+from collections.abc import Sequence
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+@final
+class RayCaster:
+    def __new__(cls, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> RayCaster: ...
+    def __len__(self) -> int: ...
+    def cast(
+        self,
+        origins: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        n_jobs: int | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]: ...
+
+def count_inliers(
+    points: NDArray[np.float64],
+    equations: NDArray[np.float64],
+    threshold: float,
+    directions: NDArray[np.float64] | None = None,
+    n_jobs: int | None = None,
+) -> NDArray[np.uint64]: ...
+def dbscan(
+    points: NDArray[np.float64], eps: float, min_samples: int
+) -> NDArray[np.int64]: ...
+def fit_plane(
+    points: NDArray[np.float64], weights: NDArray[np.float64], normal_space: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None: ...
+def fit_plane_to_ranges(
+    points: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    sigmas: NDArray[np.float64],
+    equation: Sequence[float] | NDArray[np.float64],
+    normal_space: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None: ...

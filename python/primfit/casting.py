@@ -1,0 +1,121 @@
+"""Exact ray casting: the first surface that each ray meets."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from primfit import _primfit
+from primfit._check import Floats, Ints, as_rows, n_jobs_or_none
+from primfit.worlds import NOTHING, World
+
+if TYPE_CHECKING:
+    Mesh = tuple[ArrayLike, ArrayLike]
+
+
+class RayCaster:
+    """A world or a triangle mesh made ready for rays; built once, cast often.
+
+    The test of a triangle is that of Woop, Benthin and Wald (JCGT 2013) in float64: a ray at an
+    edge or corner between two triangles hits one of them, always. Both sides of a triangle are
+    hit; a ray that starts on a surface hits it at range 0; a ray within the plane of a triangle
+    passes it. Of equally near triangles the first counts.
+
+    Parameters
+    ----------
+    mesh_or_world : World or (vertices, triangles)
+        Vertices (v, 3) float64 in metres and triangles (t, 3) of their rows.
+
+    Raises
+    ------
+    ValueError
+        When vertices are not finite or a triangle names a vertex that does not exist.
+
+    Examples
+    --------
+    >>> import primfit
+    >>> caster = primfit.RayCaster(primfit.World(arena=primfit.Arena((2, 2))))
+    >>> caster.cast([[0.5, 1, 0.1]], [[1, 0, 0]])
+    (array([1.5]), array([-2]))
+    """
+
+    def __init__(self, mesh_or_world: World | Mesh) -> None:
+        if isinstance(mesh_or_world, World):
+            vertices, triangles, ids = mesh_or_world.to_mesh()
+        else:
+            try:
+                vertices, triangles = mesh_or_world
+            except (TypeError, ValueError):
+                raise TypeError(
+                    "mesh_or_world must be a World or a pair (vertices, triangles), not "
+                    f"{type(mesh_or_world).__name__}"
+                ) from None
+            vertices, triangles = as_rows("vertices", vertices, 3), _as_triangles(triangles)
+            ids = np.arange(len(triangles))
+        # A miss is triangle -1: the last entry.
+        self._ids: Ints = np.append(ids, NOTHING)
+        self._core = _primfit.RayCaster(
+            np.ascontiguousarray(vertices), np.ascontiguousarray(triangles)
+        )
+
+    def cast(
+        self, origins: ArrayLike, directions: ArrayLike, n_jobs: int | None = None
+    ) -> tuple[Floats, Ints]:
+        """The range of each ray and what it hits.
+
+        Parameters
+        ----------
+        origins : (n, 3) float64, metres
+        directions : (n, 3) float64
+            Of any length but zero.
+        n_jobs : int or None
+            Threads; None for all. The result does not depend on it.
+
+        Returns
+        -------
+        ranges : (n,) float64, metres
+            Along the normalised direction; inf for nothing.
+        ids : (n,) int64
+            World: row of the solid, -1 nothing, -2 arena, -3 floor. Mesh: row of the triangle,
+            -1 nothing.
+
+        Raises
+        ------
+        ValueError
+            When the arrays differ in length, are not finite, or a direction is zero.
+        """
+        origins = as_rows("origins", origins, 3)
+        directions = unit_rows("directions", directions)
+        if len(origins) != len(directions):
+            raise ValueError(
+                f"directions must have as many rows as origins ({len(origins)}), "
+                f"not {len(directions)}"
+            )
+        ranges, triangles = self._core.cast(origins, directions, n_jobs_or_none(n_jobs))
+        return ranges, self._ids[triangles]
+
+    def __repr__(self) -> str:
+        return f"RayCaster({len(self._core)} triangles)"
+
+
+def unit_rows(name: str, values: ArrayLike) -> Floats:
+    """``values`` as (n, 3) unit vectors; a zero vector is an error."""
+    vectors = as_rows(name, values, 3)
+    # Scaled first: squares of very long or short vectors leave the range of float64.
+    largest = np.abs(vectors).max(axis=1, initial=0.0, keepdims=True)
+    if (largest == 0.0).any():
+        raise ValueError(f"{name} must not be zero, but row {int(np.argmin(largest))} is")
+    vectors = vectors / largest
+    norms = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.ascontiguousarray(vectors / norms)
+
+
+def _as_triangles(triangles: ArrayLike) -> Ints:
+    array = np.asarray(triangles)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"triangles must have shape (t, 3), not {array.shape}")
+    if array.dtype.kind not in "iu":
+        raise TypeError(f"triangles must be integers, not {array.dtype}")
+    return array.astype(np.int64)

@@ -1,0 +1,58 @@
+"""Density-based clusters of points."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from primfit import _primfit
+from primfit._check import Ints, as_rows, integer, number
+
+
+def dbscan(points: ArrayLike, eps: float, min_samples: int = 1) -> Ints:
+    """Cluster labels, equal to scikit-learn's `DBSCAN`, with memory proportional to the points.
+
+    A point is core when at least `min_samples` points, itself included, are within `eps` of it.
+    Core points within `eps` of each other share a cluster. With ``min_samples=1``, as in the
+    paper's Algorithm 4, clusters are the connected components at distance `eps`.
+
+    Parameters
+    ----------
+    points : (n, 3) or (n, 2) float64, metres
+        Takes about 120 bytes a point beyond the input.
+    eps : float, metres
+    min_samples : int
+
+    Returns
+    -------
+    labels : (n,) int64
+        Clusters are numbered by their first core point; a border point joins the lowest-numbered
+        cluster within reach; -1 is noise.
+
+    Raises
+    ------
+    ValueError
+        When points are not finite, or lie so far apart that `eps` is below their rounding.
+
+    References
+    ----------
+    Ester, Kriegel, Sander, Xu: A density-based algorithm for discovering clusters in large
+    spatial databases with noise, KDD 1996.
+
+    Examples
+    --------
+    >>> import primfit
+    >>> primfit.dbscan([[0, 0, 0], [0.05, 0, 0], [1, 0, 0]], eps=0.1, min_samples=2)
+    array([ 0,  0, -1])
+    """
+    array = np.asarray(points)
+    flat = array.ndim == 2 and array.shape[1] == 2
+    rows = as_rows("points", array, 2 if flat else 3)
+    if flat:
+        rows = np.column_stack([rows, np.zeros(len(rows))])
+    eps = number("eps", eps, above=0.0)
+    min_samples = integer("min_samples", min_samples, low=1)
+    span = float(np.ptp(rows, axis=0).max()) if len(rows) else 0.0
+    if span > 1e12 * eps:
+        raise ValueError(f"eps={eps:g} m is below the rounding of points that span {span:g} m")
+    return _primfit.dbscan(np.ascontiguousarray(rows), eps, min_samples)

@@ -1,0 +1,183 @@
+"""The sensor: where a LiDAR's beams go, and how well it measures."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from primfit._check import Floats, as_vector, integer, number
+
+E_PUCK_TURRET = (-0.0095, 0.0, 0.0486)
+"""Turret slot of the e-puck in the robot's frame, metres (Webots R2022b documentation)."""
+
+
+@dataclass(frozen=True, kw_only=False)
+class Lidar:
+    """A LiDAR in the terms of the Webots `Lidar` node; the defaults are the paper's setting.
+
+    Beams leave one point. Layers run from top to bottom, with both ends of the vertical field of
+    view; columns run from left to right, at the middle of equal shares of the field of view.
+
+    Parameters
+    ----------
+    number_of_layers : int
+        Layers; a single one is level.
+    vertical_field_of_view : float, radians
+        From the first layer to the last.
+    horizontal_resolution : int
+        Columns.
+    field_of_view : float, radians
+        Horizontal; ``2 * pi`` for a spinning sensor.
+    min_range, max_range : float, metres
+        A true range outside gives no return.
+    noise : float
+        Standard deviation along the beam as a fraction of `max_range`.
+    resolution : float, metres
+        Step to which ranges are rounded; -1 for none.
+    mount : (3,) or (4, 4) or "e-puck"
+        Where the sensor sits in the robot's frame: a translation in metres, a rigid transform
+        ``T_robot_sensor``, or the e-puck's turret slot.
+
+    Raises
+    ------
+    ValueError
+        When such a lidar cannot exist.
+
+    Warns
+    -----
+    UserWarning
+        When it is outside the domain that Webots documents for `Lidar`:
+        ``number_of_layers < vertical_field_of_view * horizontal_resolution / field_of_view``.
+
+    Examples
+    --------
+    >>> import primfit
+    >>> lidar = primfit.Lidar(noise=0.01)
+    >>> lidar.sigma, lidar.directions.shape
+    (0.01, (8, 100, 3))
+    """
+
+    number_of_layers: int = 8
+    vertical_field_of_view: float = 0.4
+    horizontal_resolution: int = 100
+    field_of_view: float = 1.5708
+    min_range: float = 0.01
+    max_range: float = 1.0
+    noise: float = 0.0
+    resolution: float = -1.0
+    mount: Any = (0.0, 0.0, 0.06)
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        for name in ("number_of_layers", "horizontal_resolution"):
+            set_field(self, name, integer(name, getattr(self, name), low=1))
+        vertical = number("vertical_field_of_view", self.vertical_field_of_view, low=0.0)
+        horizontal = number("field_of_view", self.field_of_view, above=0.0)
+        if vertical >= np.pi:
+            raise ValueError(f"vertical_field_of_view must be less than pi, not {vertical!r}")
+        if horizontal > 2 * np.pi + 1e-9:
+            raise ValueError(f"field_of_view must be at most 2 pi, not {horizontal!r}")
+        if self.number_of_layers > 1 and vertical == 0.0:
+            raise ValueError(
+                f"vertical_field_of_view must be greater than 0 for number_of_layers="
+                f"{self.number_of_layers}: the layers would coincide"
+            )
+        min_range = number("min_range", self.min_range, low=0.0)
+        max_range = number("max_range", self.max_range, above=0.0)
+        if min_range >= max_range:
+            raise ValueError(f"min_range must be less than max_range={max_range:g}, not {min_range!r}")
+        resolution = number("resolution", self.resolution)
+        if resolution != -1.0 and resolution <= 0.0:
+            raise ValueError(f"resolution must be positive, or -1 for none, not {resolution!r}")
+        set_field(self, "vertical_field_of_view", vertical)
+        set_field(self, "field_of_view", horizontal)
+        set_field(self, "min_range", min_range)
+        set_field(self, "max_range", max_range)
+        set_field(self, "noise", number("noise", self.noise, low=0.0))
+        set_field(self, "resolution", resolution)
+        set_field(self, "mount", _as_transform(self.mount))
+        if self.number_of_layers > 1:
+            most = vertical * self.horizontal_resolution / horizontal
+            if self.number_of_layers >= most:
+                warnings.warn(
+                    f"number_of_layers={self.number_of_layers} is outside the domain that Webots "
+                    f"documents: less than vertical_field_of_view * horizontal_resolution / "
+                    f"field_of_view = {most:.3g}",
+                    stacklevel=3,
+                )
+
+    @classmethod
+    def vlp16(cls, *, mount: ArrayLike = (0.0, 0.0, 0.0), **changes: Any) -> Lidar:
+        """A Velodyne VLP-16 as its data sheet has it: 16 layers over 30 degrees, 360 degrees.
+
+        100 m, 3 cm (taken as the standard deviation), 2 mm steps, 1800 columns a turn.
+        """
+        sheet: dict[str, Any] = {
+            "number_of_layers": 16,
+            "vertical_field_of_view": np.radians(30.0),
+            "horizontal_resolution": 1800,
+            "field_of_view": 2 * np.pi,
+            "min_range": 0.5,
+            "max_range": 100.0,
+            "noise": 0.03 / 100.0,
+            "resolution": 0.002,
+            "mount": mount,
+        }
+        return cls(**(sheet | changes))
+
+    @property
+    def directions(self) -> Floats:
+        """Unit directions (layers, columns, 3) in the sensor's frame: x forward, y left, z up."""
+        n = self.horizontal_resolution
+        azimuth = -((np.arange(n) + 0.5) / n - 0.5) * self.field_of_view
+        half = self.vertical_field_of_view / 2
+        layers = self.number_of_layers
+        elevation = np.linspace(half, -half, layers)[:, None] if layers > 1 else np.zeros((1, 1))
+        return np.stack(
+            [
+                np.cos(elevation) * np.cos(azimuth),
+                np.cos(elevation) * np.sin(azimuth),
+                np.broadcast_to(np.sin(elevation), (layers, n)),
+            ],
+            axis=-1,
+        )
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of a range, metres: noise and rounding together."""
+        step = max(self.resolution, 0.0)
+        return float(np.hypot(self.noise * self.max_range, step / np.sqrt(12.0)))
+
+
+def _as_transform(mount: Any) -> Floats:
+    if isinstance(mount, str):
+        if mount != "e-puck":
+            raise ValueError(f'mount must be (3,), (4, 4) or "e-puck", not {mount!r}')
+        mount = E_PUCK_TURRET
+    if np.shape(mount) == (3,):
+        transform = np.eye(4)
+        transform[:3, 3] = as_vector("mount", mount, 3)
+        return transform
+    return check_transforms("mount", mount, np.shape(mount))[()]
+
+
+def check_transforms(name: str, transforms: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """``transforms`` as finite float64 rigid transforms (..., 4, 4)."""
+    array = np.asarray(transforms, dtype=np.float64)
+    if array.shape[-2:] != (4, 4):
+        raise ValueError(f"{name} must be rigid transforms (..., 4, 4), not shape {shape}")
+    rotation = array[..., :3, :3]
+    rigid = np.isfinite(array).all(axis=(-2, -1))
+    rigid &= np.isclose(np.swapaxes(rotation, -1, -2) @ rotation, np.eye(3), atol=1e-6).all((-2, -1))
+    rigid &= np.linalg.det(rotation) > 0
+    rigid &= (array[..., 3, :] == [0.0, 0.0, 0.0, 1.0]).all(axis=-1)
+    if not rigid.all():
+        raise ValueError(
+            f"{name} must be rigid transforms: a rotation, a translation in metres and the last "
+            f"row 0, 0, 0, 1; {int((~rigid).sum())} of {rigid.size} are not"
+        )
+    return array

@@ -1,0 +1,191 @@
+"""Solids with known truth: upright prisms over any simple footprint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from primfit import footprints
+from primfit._check import Floats, Ints, as_vector, frozen, integer, number
+
+
+@dataclass(frozen=True, eq=False)
+class Prism:
+    """An upright solid: a footprint drawn up from ``base`` by ``height``.
+
+    Parameters
+    ----------
+    footprint : (m, 2) float64, metres
+        Corners of a simple polygon, convex or not, in either direction.
+    height : float, metres
+        From bottom to top.
+    base : float, metres
+        z of the bottom.
+
+    Raises
+    ------
+    ValueError
+        When the footprint crosses itself or has no area, or the height is not positive.
+
+    Examples
+    --------
+    >>> import primfit
+    >>> ell = primfit.Prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], height=0.5)
+    >>> ell.kind, ell.vertices.shape
+    ('polygon', (12, 3))
+    >>> primfit.Prism.regular(3, side=0.3, angle=0.1).kind
+    'triangle'
+    """
+
+    footprint: Floats
+    height: float = 0.2
+    base: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "footprint", frozen(footprints.clean_footprint(self.footprint)))
+        object.__setattr__(self, "height", number("height", self.height, above=0.0))
+        object.__setattr__(self, "base", number("base", self.base))
+
+    @classmethod
+    def regular(
+        cls,
+        n: int,
+        side: float,
+        *,
+        center: ArrayLike = (0.0, 0.0),
+        angle: float = 0.0,
+        height: float = 0.2,
+    ) -> Prism:
+        """Prism over a regular polygon of ``n`` sides (`side` in metres, `angle` in radians)."""
+        n, side = integer("n", n, low=3), number("side", side, above=0.0)
+        place = as_vector("center", center, 2), number("angle", angle)
+        return cls(footprints.regular_footprint(n, side, *place), height)
+
+    @classmethod
+    def rectangle(
+        cls,
+        long: float,
+        short: float,
+        *,
+        center: ArrayLike = (0.0, 0.0),
+        angle: float = 0.0,
+        height: float = 0.2,
+    ) -> Prism:
+        """Prism over a rectangle; at angle 0 its first side, ``long``, lies along +x."""
+        long, short = number("long", long, above=0.0), number("short", short, above=0.0)
+        place = as_vector("center", center, 2), number("angle", angle)
+        return cls(footprints.rectangle_footprint(long, short, *place), height)
+
+    @classmethod
+    def star(
+        cls,
+        n: int,
+        outer: float,
+        inner: float,
+        *,
+        center: ArrayLike = (0.0, 0.0),
+        angle: float = 0.0,
+        height: float = 0.2,
+    ) -> Prism:
+        """Prism over a star of ``n`` tips at radius ``outer``, with notches at ``inner``."""
+        n = integer("n", n, low=3)
+        outer, inner = number("outer", outer, above=0.0), number("inner", inner, above=0.0)
+        if inner >= outer:
+            raise ValueError(f"inner must be less than outer ({outer:g}), not {inner:g}")
+        place = as_vector("center", center, 2), number("angle", angle)
+        return cls(footprints.star_footprint(n, outer, inner, *place), height)
+
+    @property
+    def kind(self) -> str:
+        """Class name: "triangle", "square", "rectangle", "pentagon", ..., "star", "polygon"."""
+        return footprints.kind_of(self.footprint)
+
+    @property
+    def angle(self) -> float:
+        """Yaw of the footprint in radians, from zero up to its symmetry."""
+        return footprints.angle_of(self.footprint)
+
+    @property
+    def size(self) -> float | tuple[float, float]:
+        """Side; (long, short) of a rectangle; (outer, inner) radius of a star; metres."""
+        return footprints.size_of(self.footprint)
+
+    @property
+    def center(self) -> Floats:
+        """Mean of the vertices (3,) (the paper's equation 1), at half height; metres."""
+        return np.append(self.footprint.mean(axis=0), self.base + self.height / 2)
+
+    @property
+    def centroid(self) -> Floats:
+        """Centroid of the volume (3,), metres."""
+        return np.append(footprints.area_centroid(self.footprint), self.base + self.height / 2)
+
+    @property
+    def vertices(self) -> Floats:
+        """Vertices (2m, 3), metres: the bottom, then the top."""
+        return prism_vertices(self.footprint, self.base, self.base + self.height)
+
+    @property
+    def faces(self) -> tuple[Ints, ...]:
+        """Rows of `vertices` around each face, seen from outside: m walls, bottom, top."""
+        return prism_faces(len(self.footprint))
+
+    def to_mesh(self) -> tuple[Floats, Ints]:
+        """Vertices (2m, 3) and triangles (t, 3), counter-clockwise from outside."""
+        return self.vertices, prism_triangles(self.footprint)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The prism as plain numbers, for JSON."""
+        return {
+            "footprint": self.footprint.tolist(),
+            "height": self.height,
+            "base": self.base,
+        }
+
+    def __repr__(self) -> str:
+        x, y, _ = self.center
+        size = ", ".join(f"{value:.3f}" for value in np.atleast_1d(self.size))
+        return (
+            f"Prism({self.kind}, center=({x:.3f}, {y:.3f}), size={size} m, "
+            f"angle={np.degrees(self.angle):.2f} deg, height={self.height:g} m)"
+        )
+
+
+def prism_vertices(footprint: Floats, bottom: float, top: float) -> Floats:
+    """Vertices (2m, 3) of an upright prism: the bottom, then the top."""
+    return np.concatenate(
+        [np.column_stack([footprint, np.full(len(footprint), z)]) for z in (bottom, top)]
+    )
+
+
+def prism_faces(m: int) -> tuple[Ints, ...]:
+    """Faces of an upright prism over m corners: walls, bottom, top."""
+    i = np.arange(m)
+    j = (i + 1) % m
+    walls = np.stack([i, j, j + m, i + m], axis=1)
+    return (*walls, i[::-1].copy(), i + m)
+
+
+def prism_triangles(footprint: Floats) -> Ints:
+    """Triangles (t, 3) of an upright prism; concave footprints are cut without new corners."""
+    m = len(footprint)
+    i = np.arange(m)
+    j = (i + 1) % m
+    walls = np.concatenate([np.stack([i, j, j + m], axis=1), np.stack([i, j + m, i + m], axis=1)])
+    top = _triangulate(footprint)
+    return np.concatenate([walls, top[:, ::-1], top + m]).astype(np.int64)
+
+
+def _triangulate(footprint: Floats) -> Ints:
+    pieces = shapely.constrained_delaunay_triangles(shapely.Polygon(footprint))
+    corners = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3]
+    distance = np.abs(corners[:, :, None] - footprint).sum(axis=-1)
+    triangles: Ints = distance.argmin(axis=-1)
+    a, b, c = np.moveaxis(footprint[triangles], 1, 0)
+    clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    triangles[clockwise] = triangles[clockwise][:, ::-1]
+    return triangles

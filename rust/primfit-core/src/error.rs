@@ -1,0 +1,27 @@
+//! What can go wrong in the core.
+
+/// Every error of this crate.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Error {
+    /// A triangle names a vertex that does not exist.
+    #[error("triangle {triangle} names vertex {vertex}, but there are {n_vertices} vertices")]
+    VertexOutOfRange {
+        /// Row of the triangle.
+        triangle: usize,
+        /// The vertex that it names.
+        vertex: usize,
+        /// How many vertices there are.
+        n_vertices: usize,
+    },
+    /// The caller asked to stop.
+    #[error("stopped by the caller")]
+    Stopped,
+    /// The threads could not be started.
+    #[error("cannot start {n_threads} threads: {reason}")]
+    Threads {
+        /// How many were asked for.
+        n_threads: usize,
+        /// What the system said.
+        reason: String,
+    },
+}

@@ -1,0 +1,22 @@
+//! The kernels of primfit: casting rays, scoring and fitting planes, clustering points.
+//!
+//! Nothing here knows of Python. Every result depends on the input alone: not on the number
+//! of threads, nor on the instruction set that the machine offers.
+
+mod caster;
+mod dbscan;
+mod error;
+mod fit;
+mod scoring;
+mod triangle;
+mod workers;
+
+pub use caster::{Hit, RayCaster};
+pub use dbscan::dbscan;
+pub use error::Error;
+pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
+pub use scoring::{Front, count_inliers};
+pub use workers::Workers;
+
+/// A point or a direction: x, y, z.
+pub type Vector = [f64; 3];

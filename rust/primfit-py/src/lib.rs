@@ -1,0 +1,25 @@
+//! The Python door of primfit-core: arrays in, GIL released, arrays out.
+//!
+//! The Python package checks what users pass and says what is wrong with it; here only the
+//! shapes that memory safety rests on are looked at again.
+
+// PyO3 hands over the arguments of a function as owned values.
+#![allow(clippy::needless_pass_by_value)]
+
+mod arrays;
+mod caster;
+mod clustering;
+mod door;
+mod planes;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _primfit {
+    #[pymodule_export]
+    use crate::caster::RayCaster;
+    #[pymodule_export]
+    use crate::clustering::dbscan;
+    #[pymodule_export]
+    use crate::planes::{count_inliers, fit_plane, fit_plane_to_ranges};
+}

@@ -1,0 +1,80 @@
+//! Plane scoring and fitting.
+
+use crate::arrays::{rows, same_length};
+use crate::door;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use primfit_core::{Front, PlaneFit, Vector};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+type Fit<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, f64);
+
+#[pyfunction]
+#[pyo3(signature = (points, equations, threshold, directions=None, n_jobs=None))]
+pub fn count_inliers<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<f64>,
+    equations: PyReadonlyArray2<f64>,
+    threshold: f64,
+    directions: Option<PyReadonlyArray2<f64>>,
+    n_jobs: Option<usize>,
+) -> PyResult<Bound<'py, PyArray1<u64>>> {
+    let (points, equations) = (rows("points", &points)?, rows("equations", &equations)?);
+    let directions =
+        directions.as_ref().map(|directions| rows("directions", directions)).transpose()?;
+    if let Some(directions) = directions {
+        same_length("directions", directions.len(), "points", points.len())?;
+    }
+    let front = directions.map(|directions| Front { directions });
+    let counts = door::enter(py, n_jobs, |workers| {
+        primfit_core::count_inliers(points, front, equations, threshold, workers)
+    })?;
+    Ok(counts.into_pyarray(py))
+}
+
+#[pyfunction]
+pub fn fit_plane<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<f64>,
+    weights: PyReadonlyArray1<f64>,
+    normal_space: PyReadonlyArray2<f64>,
+) -> PyResult<Option<Fit<'py>>> {
+    let (points, weights) = (rows("points", &points)?, weights.as_slice()?);
+    same_length("weights", weights.len(), "points", points.len())?;
+    let normal_space = space(&normal_space)?;
+    let fit = py.detach(|| primfit_core::fit_plane(points, weights, normal_space));
+    fit.map(|fit| to_arrays(py, fit)).transpose()
+}
+
+#[pyfunction]
+pub fn fit_plane_to_ranges<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<f64>,
+    directions: PyReadonlyArray2<f64>,
+    sigmas: PyReadonlyArray1<f64>,
+    equation: [f64; 4],
+    normal_space: PyReadonlyArray2<f64>,
+) -> PyResult<Option<Fit<'py>>> {
+    let (points, directions) = (rows("points", &points)?, rows("directions", &directions)?);
+    let sigmas = sigmas.as_slice()?;
+    same_length("directions", directions.len(), "points", points.len())?;
+    same_length("sigmas", sigmas.len(), "points", points.len())?;
+    let normal_space = space(&normal_space)?;
+    let fit = py.detach(|| {
+        primfit_core::fit_plane_to_ranges(points, directions, sigmas, equation, normal_space)
+    });
+    fit.map(|fit| to_arrays(py, fit)).transpose()
+}
+
+fn space<'a>(normal_space: &'a PyReadonlyArray2<f64>) -> PyResult<&'a [Vector]> {
+    let space = rows("normal_space", normal_space)?;
+    if (1..=3).contains(&space.len()) {
+        return Ok(space);
+    }
+    Err(PyValueError::new_err(format!("normal_space must have 1 to 3 rows, not {}", space.len())))
+}
+
+fn to_arrays(py: Python<'_>, fit: PlaneFit) -> PyResult<Fit<'_>> {
+    let covariance = PyArray1::from_slice(py, &fit.covariance).reshape([4, 4])?;
+    Ok((PyArray1::from_slice(py, &fit.equation), covariance, fit.rms))
+}
