@@ -4,7 +4,12 @@ from importlib.metadata import version
 
 from primfit.casting import RayCaster
 from primfit.clustering import dbscan
+from primfit.detection import Detection, FoundArena, FoundSolid, detect
+from primfit.evaluation import Report, evaluate
+from primfit.files import read_points, write_points
+from primfit.paper import PaperSettings
 from primfit.paths import grid_path, waypoints
+from primfit.planes import Plane, Planes, detect_planes
 from primfit.scanning import scan
 from primfit.scans import Scan
 from primfit.sensors import Lidar
@@ -15,15 +20,27 @@ __version__ = version("primfit")
 
 __all__ = [
     "Arena",
+    "Detection",
+    "FoundArena",
+    "FoundSolid",
     "Lidar",
+    "PaperSettings",
+    "Plane",
+    "Planes",
     "Prism",
     "RayCaster",
+    "Report",
     "Scan",
     "World",
     "WorldFullError",
     "dbscan",
+    "detect",
+    "detect_planes",
+    "evaluate",
     "grid_path",
     "random_world",
+    "read_points",
     "scan",
     "waypoints",
+    "write_points",
 ]

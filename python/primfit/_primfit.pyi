@@ -15,13 +15,6 @@ class RayCaster:
         n_jobs: int | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]: ...
 
-def count_inliers(
-    points: NDArray[np.float64],
-    equations: NDArray[np.float64],
-    threshold: float,
-    directions: NDArray[np.float64] | None = None,
-    n_jobs: int | None = None,
-) -> NDArray[np.uint64]: ...
 def dbscan(
     points: NDArray[np.float64], eps: float, min_samples: int
 ) -> NDArray[np.int64]: ...
@@ -35,3 +28,11 @@ def fit_plane_to_ranges(
     equation: Sequence[float] | NDArray[np.float64],
     normal_space: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None: ...
+def score_planes(
+    points: NDArray[np.float64],
+    equations: NDArray[np.float64],
+    threshold: float,
+    directions: NDArray[np.float64] | None = None,
+    msac: bool = False,
+    n_jobs: int | None = None,
+) -> NDArray[np.float64]: ...

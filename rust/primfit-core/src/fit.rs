@@ -4,7 +4,7 @@ use crate::Vector;
 use nalgebra::{DMatrix, Matrix3, Matrix4, Matrix4x3, SymmetricEigen, Vector3, Vector4};
 
 /// Steps of Gauss and Newton after which the fit to ranges is taken as it is.
-const MAX_STEPS: usize = 20;
+const MAX_STEPS: usize = 30;
 
 /// A plane with what the points say of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,23 +80,21 @@ pub fn fit_plane_to_ranges(
     let mut normal = Vector3::new(equation[0], equation[1], equation[2]);
     let mut offset = equation[3] + normal.dot(&origin);
     let mut step = RangeStep::at(points, directions, sigmas, normal, offset, origin, normal_space)?;
+    // Beams along the plane make the residuals far from linear: a step that overshoots is halved.
+    let mut share = 1.0;
     for _ in 0..MAX_STEPS {
-        let moved = (normal + step.turn).normalize();
-        let next = RangeStep::at(
-            points,
-            directions,
-            sigmas,
-            moved,
-            offset + step.shift,
-            origin,
-            normal_space,
-        )?;
-        if next.cost.partial_cmp(&step.cost) != Some(std::cmp::Ordering::Less) {
-            break;
+        let moved = (normal + share * step.turn).normalize();
+        let shifted = offset + share * step.shift;
+        let next = RangeStep::at(points, directions, sigmas, moved, shifted, origin, normal_space)?;
+        if next.cost < step.cost {
+            let gain = step.cost - next.cost;
+            (normal, offset, step, share) = (moved, shifted, next, 1.0);
+            if gain <= 1e-10 * step.cost {
+                break;
+            }
+        } else {
+            share /= 2.0;
         }
-        normal = moved;
-        offset += step.shift;
-        step = next;
     }
     let mut to_equation = Matrix4x3::zeros();
     for (j, axis) in step.axes.iter().enumerate() {

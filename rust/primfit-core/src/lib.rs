@@ -15,7 +15,7 @@ pub use caster::{Hit, RayCaster};
 pub use dbscan::dbscan;
 pub use error::Error;
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
-pub use scoring::{Front, count_inliers};
+pub use scoring::{Score, score_planes};
 pub use workers::Workers;
 
 /// A point or a direction: x, y, z.

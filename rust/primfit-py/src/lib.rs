@@ -21,5 +21,5 @@ mod _primfit {
     #[pymodule_export]
     use crate::clustering::dbscan;
     #[pymodule_export]
-    use crate::planes::{count_inliers, fit_plane, fit_plane_to_ranges};
+    use crate::planes::{fit_plane, fit_plane_to_ranges, score_planes};
 }

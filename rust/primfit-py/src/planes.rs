@@ -3,33 +3,34 @@
 use crate::arrays::{rows, same_length};
 use crate::door;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
-use primfit_core::{Front, PlaneFit, Vector};
+use primfit_core::{PlaneFit, Score, Vector};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 type Fit<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, f64);
 
 #[pyfunction]
-#[pyo3(signature = (points, equations, threshold, directions=None, n_jobs=None))]
-pub fn count_inliers<'py>(
+#[pyo3(signature = (points, equations, threshold, directions=None, msac=false, n_jobs=None))]
+pub fn score_planes<'py>(
     py: Python<'py>,
     points: PyReadonlyArray2<f64>,
     equations: PyReadonlyArray2<f64>,
     threshold: f64,
     directions: Option<PyReadonlyArray2<f64>>,
+    msac: bool,
     n_jobs: Option<usize>,
-) -> PyResult<Bound<'py, PyArray1<u64>>> {
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let (points, equations) = (rows("points", &points)?, rows("equations", &equations)?);
     let directions =
         directions.as_ref().map(|directions| rows("directions", directions)).transpose()?;
     if let Some(directions) = directions {
         same_length("directions", directions.len(), "points", points.len())?;
     }
-    let front = directions.map(|directions| Front { directions });
-    let counts = door::enter(py, n_jobs, |workers| {
-        primfit_core::count_inliers(points, front, equations, threshold, workers)
+    let score = if msac { Score::Msac } else { Score::Count };
+    let scores = door::enter(py, n_jobs, |workers| {
+        primfit_core::score_planes(points, directions, equations, threshold, score, workers)
     })?;
-    Ok(counts.into_pyarray(py))
+    Ok(scores.into_pyarray(py))
 }
 
 #[pyfunction]

@@ -1,0 +1,215 @@
+"""Detections against the truth: the paper's table, and what it leaves out."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from primfit._check import Floats, number
+from primfit.detection import Detection, FoundSolid
+from primfit.footprints import symmetry
+from primfit.solids import Prism
+from primfit.worlds import World
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One solid of the truth, and what was found of it.
+
+    Attributes
+    ----------
+    truth : str
+        Kind of the solid.
+    found : str or None
+        Kind that was found; None when it was missed.
+    center_error_mm : float
+        Distance of the centres, seen from above.
+    angle_error_deg : float
+        Difference of the angles on the circle, modulo the true symmetry of the solid. NaN where
+        outlines with different numbers of corners have no angle in common.
+    size_error_mm : float
+        Largest difference of the sizes; NaN when the kinds differ.
+    solid, detection : int
+        Rows of `world.solids` and of `found.solids` (-1 for none).
+    """
+
+    truth: str
+    found: str | None
+    center_error_mm: float
+    angle_error_deg: float
+    size_error_mm: float
+    solid: int
+    detection: int
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """How well a world was found.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+        One a solid of the truth, in order.
+    spurious : tuple of int
+        Rows of `found.solids` that are no solid of the truth.
+    n_planes, n_planes_true : int
+        Upright planes found; walls of solids and arena.
+    """
+
+    rows: tuple[Row, ...]
+    spurious: tuple[int, ...]
+    n_planes: int
+    n_planes_true: int
+
+    @property
+    def missed(self) -> tuple[int, ...]:
+        """Rows of `world.solids` that were not found."""
+        return tuple(row.solid for row in self.rows if row.found is None)
+
+    @property
+    def n_right(self) -> int:
+        """How many solids were found with the right kind."""
+        return sum(row.found == row.truth for row in self.rows)
+
+    @property
+    def all_right(self) -> bool:
+        """Whether every solid was found with the right kind, and nothing else."""
+        return self.n_right == len(self.rows) and not self.spurious
+
+    def to_frame(self) -> DataFrame:
+        """The rows as a pandas data frame."""
+        import pandas as pd
+
+        return pd.DataFrame([asdict(row) for row in self.rows])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as plain numbers, for JSON; NaN becomes None."""
+        rows = [
+            {key: None if value != value else value for key, value in asdict(row).items()}
+            for row in self.rows
+        ]
+        return {
+            "primfit": "report",
+            "rows": rows,
+            "missed": list(self.missed),
+            "spurious": list(self.spurious),
+            "n_planes": self.n_planes,
+            "n_planes_true": self.n_planes_true,
+        }
+
+    def to_json(self) -> str:
+        """The report as JSON text."""
+        return json.dumps(self.to_dict(), indent=1, allow_nan=False)
+
+    def __str__(self) -> str:
+        """The paper's table, with the size beside it."""
+        head = ("Ground Truth", "Detected", "Center Error (mm)", "Angle Error (deg)", "Size Error (mm)")
+        table = [head]
+        for row in self.rows:
+            errors = (row.center_error_mm, row.angle_error_deg, row.size_error_mm)
+            shown = tuple("-" if np.isnan(error) else f"{error:.6f}" for error in errors)
+            table.append((row.truth, row.found or "missed", *shown))
+        widths = [max(len(line[k]) for line in table) for k in range(len(head))]
+        lines = [
+            "  ".join(
+                cell.ljust(width) if k < 2 else cell.rjust(width)
+                for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+            ).rstrip()
+            for line in table
+        ]
+        lines.insert(1, "  ".join("-" * width for width in widths))
+        lines.append(
+            f"{self.n_right} of {len(self.rows)} right, {len(self.missed)} missed, "
+            f"{len(self.spurious)} spurious; {self.n_planes} planes for {self.n_planes_true}"
+        )
+        return "\n".join(lines)
+
+
+def evaluate(found: Detection, world: World, *, max_distance: float = 0.1) -> Report:
+    """How well the solids of a world were found.
+
+    Solids are matched one to one, so that the sum of the distances between their centres, seen
+    from above, is least; pairs farther apart than `max_distance` do not match.
+
+    Parameters
+    ----------
+    found : Detection
+    world : World
+    max_distance : float, metres
+
+    Returns
+    -------
+    Report
+
+    Examples
+    --------
+    >>> import primfit
+    >>> world = primfit.random_world(1, 1.0, ["square"], rng=7)
+    >>> scan = primfit.scan(world, primfit.grid_path(world, rng=7), rng=7)
+    >>> primfit.evaluate(primfit.detect(scan, rng=7), world).all_right
+    True
+    """
+    max_distance = number("max_distance", max_distance, above=0.0)
+    truth = np.array([solid.center[:2] for solid in world.solids]).reshape(-1, 2)
+    centers = np.array([solid.center[:2] for solid in found.solids]).reshape(-1, 2)
+    distance = np.linalg.norm(truth[:, None] - centers, axis=-1)
+    far = 1e3 * (max_distance + distance.max(initial=0.0))
+    pairs = linear_sum_assignment(np.where(distance <= max_distance, distance, far))
+    match = {
+        int(i): int(j) for i, j in zip(*pairs, strict=True) if distance[i, j] <= max_distance
+    }
+    rows = tuple(
+        _compare(i, solid, match.get(i, -1), found) for i, solid in enumerate(world.solids)
+    )
+    spurious = tuple(j for j in range(len(found.solids)) if j not in match.values())
+    n_walls = sum(len(solid.footprint) for solid in world.solids)
+    upright = sum(abs(plane.equation[2]) < 0.5 for plane in found.planes)
+    return Report(rows, spurious, int(upright), n_walls + (4 if world.arena else 0))
+
+
+def _compare(i: int, solid: Prism, j: int, found: Detection) -> Row:
+    if j < 0:
+        return Row(solid.kind, None, np.nan, np.nan, np.nan, i, j)
+    other = found.solids[j]
+    size_error = np.nan
+    if other.kind == solid.kind:
+        size_error = 1e3 * float(np.abs(np.subtract(other.size, solid.size)).max())
+    return Row(
+        truth=solid.kind,
+        found=other.kind,
+        center_error_mm=1e3 * float(np.linalg.norm((other.center - solid.center)[:2])),
+        angle_error_deg=float(np.degrees(_angle_error(solid, other))),
+        size_error_mm=size_error,
+        solid=i,
+        detection=j,
+    )
+
+
+def _angle_error(solid: Prism, other: FoundSolid) -> float:
+    """Difference of two angles modulo the symmetry of the true solid, radians.
+
+    Without a kind in common the outlines themselves are laid over each other.
+    """
+    period = 2 * np.pi / symmetry(solid.footprint)[1]
+    if other.kind == solid.kind and solid.kind != "polygon":
+        turn = other.angle - solid.angle
+    elif len(other.footprint) == len(solid.footprint):
+        turn = _alignment(solid.footprint, other.footprint)
+    else:
+        return np.nan
+    return float(abs((turn + period / 2) % period - period / 2))
+
+
+def _alignment(footprint: Floats, other: Floats) -> float:
+    """Turn that lays one outline best onto another with as many corners, radians."""
+    a, b = (outline - outline.mean(axis=0) for outline in (footprint, other))
+    za, zb = a[:, 0] + 1j * a[:, 1], b[:, 0] + 1j * b[:, 1]
+    products = [np.vdot(za, np.roll(zb, -shift)) for shift in range(len(za))]
+    return float(np.angle(max(products, key=abs)))

@@ -1,0 +1,44 @@
+"""Beams that pass a plane: what an extent or a gap in it looks like to the sensor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from primfit._check import Floats
+from primfit.scans import Scan
+
+_CLEAR = 4.0
+"""Standard deviations by which a beam must outrun a plane to have passed it."""
+
+MOST_PASSING = 2
+"""Beams that may seem to pass by their noise alone."""
+
+
+def passages(scan: Scan, equation: Floats, axes: Floats, sigma: float) -> Floats:
+    """Where beams met a plane from its free side and went on.
+
+    The place is exact however noisy the range is: only whether the beam ended there or went on
+    is measured.
+
+    Parameters
+    ----------
+    scan : Scan
+        All its beams, those without return too; its origins must be known.
+    equation : (4,) float64
+    axes : (2, 3) float64
+        Directions within the plane.
+    sigma : float, metres
+        Of the ranges.
+
+    Returns
+    -------
+    places : (k, 2) float64, metres
+        Along the axes.
+    """
+    approach = -(scan.directions @ equation[:3])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = (scan.origins @ equation[:3] + equation[3]) / approach
+        passed = (approach > 0.0) & (crossing > 0.0) & (scan.ranges > crossing + _CLEAR * sigma)
+    at = scan.origins[passed] + crossing[passed, None] * scan.directions[passed]
+    places: Floats = at @ axes.T
+    return places

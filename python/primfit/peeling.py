@@ -1,0 +1,269 @@
+"""All planes of a cloud: found one after the other, then in competition for the points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from primfit._check import Bools, Floats, Ints
+from primfit.noise import spacing
+from primfit.passages import MOST_PASSING, passages
+from primfit.ransac import Cloud, Orientation, PlaneModel, find_plane, fit
+from primfit.scans import Scan
+
+_CLAIM = 1.5
+"""Times the limit within which a found plane takes points out of the pool: one plane a surface."""
+
+_FAILURES = 3
+"""Fruitless searches after which no plane is left."""
+
+_LEAST_COSINE = 0.9
+"""Cosine of the angle between two planes from which they may be pieces of one."""
+
+_SWEEPS = 4
+"""Rounds of competition; the second usually changes little."""
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A plane with the points that support it, and how far they reach.
+
+    Attributes
+    ----------
+    model : PlaneModel
+    inliers : (m,) int64
+        Rows of the cloud.
+    axes : (2, 3) float64
+        Directions within the plane; for an upright plane along it, seen from outside a solid to
+        the right, and up.
+    low, high : (2,) float64, metres
+        Where the supporting beams meet the plane, along the axes.
+    """
+
+    model: PlaneModel
+    inliers: Ints
+    axes: Floats
+    low: Floats
+    high: Floats
+
+    @classmethod
+    def of(cls, cloud: Cloud, model: PlaneModel, inliers: Ints) -> Patch:
+        """The patch that some points of a cloud support."""
+        normal = model.equation[:3]
+        up = np.eye(3)[2 if abs(normal[2]) < 0.9 else 1]
+        along = np.cross(up, normal)
+        along /= np.linalg.norm(along)
+        axes = np.stack([along, np.cross(normal, along)])
+        some = cloud.take(inliers)
+        at = some.feet(model.equation)[np.isfinite(some.residuals(model.equation))] @ axes.T
+        return cls(model, inliers, axes, at.min(axis=0), at.max(axis=0))
+
+    def covers(self, cloud: Cloud, margin: float) -> Bools:
+        """Which points meet the plane within `margin` of the patch's reach."""
+        residuals = cloud.residuals(self.model.equation)
+        covered = np.isfinite(residuals)
+        at = cloud.take(covered).feet(self.model.equation) @ self.axes.T
+        covered[covered] = ((at >= self.low - margin) & (at <= self.high + margin)).all(axis=1)
+        return covered
+
+
+@dataclass(frozen=True, kw_only=True)
+class Peeling:
+    """How `find_planes` works; lengths in metres.
+
+    Attributes
+    ----------
+    orientation : Orientation
+    eps : float or None
+        Of DBSCAN. None: the `spacing` of the points that are left, but at least the limit.
+    min_points : int
+        Least inliers of a plane.
+    max_trials : int
+        Most hypotheses for one plane.
+    local, msac, refit, compete : bool
+        Draw hypotheses from neighbours; score them by MSAC; refit planes; let them compete.
+    """
+
+    orientation: Orientation
+    eps: float | None
+    min_points: int
+    max_trials: int
+    local: bool
+    msac: bool
+    refit: bool
+    compete: bool
+
+
+def find_planes(
+    cloud: Cloud,
+    how: Peeling,
+    rng: np.random.Generator,
+    *,
+    scan: Scan | None = None,
+    n_jobs: int | None = None,
+    on_plane: Callable[[int, int], None] | None = None,
+) -> tuple[list[Patch], float]:
+    """Planes one after the other, each from the points that the others left (Algorithm 3, 1-9).
+
+    With `scan`, all beams that the cloud comes from, pieces of a plane are put together only
+    where no beam passed between them.
+
+    Returns
+    -------
+    patches : list of Patch
+    eps : float, metres
+        Of DBSCAN, at the first plane.
+    """
+    tree = KDTree(cloud.points)
+    extent = float(np.ptp(cloud.points, axis=0).max())
+    limit = float(np.median(cloud.limit))
+    first_eps = eps = max(spacing(cloud.points, tree), limit) if how.eps is None else how.eps
+    shortest = max(eps / 4, limit)
+    near = (tree, shortest, max(extent / 2, 2 * shortest)) if how.local else None
+    patches: list[Patch] = []
+    rest, failures = np.arange(len(cloud)), 0
+    while len(rest) >= how.min_points and failures < _FAILURES:
+        pool = cloud.take(rest)
+        found = find_plane(
+            pool,
+            how.orientation,
+            rng,
+            near=near,
+            eps=eps,
+            min_points=how.min_points,
+            max_trials=how.max_trials,
+            msac=how.msac,
+            refit=how.refit,
+            n_jobs=n_jobs,
+        )
+        if found is None:
+            failures += 1
+            if how.eps is None:
+                # What is left lies sparser than the whole.
+                eps = max(eps, spacing(pool.points))
+            continue
+        model, inliers = found
+        patch = Patch.of(pool, model, inliers)
+        patches.append(replace(patch, inliers=rest[inliers]))
+        taken = np.zeros(len(rest), dtype=bool)
+        taken[inliers] = True
+        if how.compete:
+            close = np.abs(pool.residuals(model.equation)) <= _CLAIM * pool.limit
+            taken |= close & patch.covers(pool, eps)
+        rest = rest[~taken]
+        if on_plane is not None:
+            on_plane(len(cloud) - len(rest), len(cloud))
+    if how.compete:
+        for _ in range(_SWEEPS):
+            patches = _merge(cloud, patches, how, scan, first_eps)
+            patches = _compete(cloud, patches, how, first_eps)
+    return patches, first_eps
+
+
+def _merge(
+    cloud: Cloud, patches: list[Patch], how: Peeling, scan: Scan | None, eps: float
+) -> list[Patch]:
+    """Put together what one plane explains as well as two (Bayesian information criterion).
+
+    The pieces lie beside each other, no farther apart than the larger one is long.
+    """
+    merged = True
+    while merged:
+        merged = False
+        for a, b in combinations(patches, 2):
+            together = _union(cloud, a, b, how, scan, eps)
+            if together is not None:
+                patches = [patch for patch in patches if patch is not a and patch is not b]
+                patches.append(together)
+                merged = True
+                break
+    return patches
+
+
+def _union(
+    cloud: Cloud, a: Patch, b: Patch, how: Peeling, scan: Scan | None, eps: float
+) -> Patch | None:
+    if a.model.equation[:3] @ b.model.equation[:3] < _LEAST_COSINE:
+        return None
+    if len(a.inliers) < len(b.inliers):
+        a, b = b, a
+    corners = np.stack(np.meshgrid(*zip(b.low, b.high, strict=True)), axis=-1).reshape(-1, 2)
+    offset = b.model.equation[3] * b.model.equation[:3]
+    other = (corners @ b.axes - offset) @ a.axes.T
+    gap_low = np.minimum(a.high, other.max(axis=0))
+    gap_high = np.maximum(a.low, other.min(axis=0))
+    gap = gap_high - gap_low
+    if (gap > np.maximum(a.high - a.low, b.high - b.low).max()).any():
+        return None
+    rows = np.union1d(a.inliers, b.inliers)
+    model = fit(cloud.take(rows), a.model.equation, how.orientation)
+    if model is None:
+        return None
+
+    def cost(model: PlaneModel, rows: Ints) -> float:
+        some = cloud.take(rows)
+        far = (_CLAIM * some.limit / some.sigma) ** 2
+        return float(np.minimum((some.residuals(model.equation) / some.sigma) ** 2, far).sum())
+
+    rise = cost(model, rows) - cost(a.model, a.inliers) - cost(b.model, b.inliers)
+    n_parameters = len(how.orientation.normal_space)
+    if rise > 2.0 * n_parameters * np.log(len(rows)):
+        return None
+    if scan is not None and (gap > eps).any():
+        # The axis along which they are apart; along the other they overlap.
+        low, high = np.where(gap > 0.0, gap_low + eps / 4, gap_high), np.where(
+            gap > 0.0, gap_high - eps / 4, gap_low
+        )
+        at = passages(scan, a.model.equation, a.axes, float(np.median(cloud.sigma)))
+        if ((at >= low) & (at <= high)).all(axis=1).sum() > MOST_PASSING:
+            return None
+    return Patch.of(cloud, model, rows)
+
+
+def _compete(cloud: Cloud, patches: list[Patch], how: Peeling, eps: float) -> list[Patch]:
+    """Give each point to the nearest plane, drop planes that others make needless, refit.
+
+    A plane is needless when the points that it explains better than the others do not pay for
+    its parameters and for saying which points are its own (Bayesian information criterion).
+    """
+    cap = _CLAIM
+    distance = np.full((len(patches), len(cloud)), cap)
+    for row, patch in zip(distance, patches, strict=True):
+        ratio = np.abs(cloud.residuals(patch.model.equation)) / cloud.limit
+        near = np.flatnonzero(ratio < cap)
+        near = near[patch.covers(cloud.take(near), eps)]
+        row[near] = ratio[near]
+    kept = list(range(len(patches)))
+    in_sigmas = float(np.median(cloud.limit / cloud.sigma)) ** 2
+    while kept:
+        some = distance[kept]
+        labels = some.argmin(axis=0)
+        best = some.min(axis=0)
+        labels[best >= cap] = -1
+        owned = labels >= 0
+        second = np.partition(some, 1, axis=0)[1] if len(kept) > 1 else np.full(len(cloud), cap)
+        loss = in_sigmas * (second**2 - best**2)[owned]
+        rise = np.bincount(labels[owned], loss, len(kept))
+        n_own = np.bincount(labels[owned], minlength=len(kept))
+        n_near = ((some <= 1.0) & owned).sum(axis=1)
+        share = np.clip(n_own / np.maximum(n_near, 1), 1e-12, 1.0 - 1e-12)
+        n_other = np.maximum(n_near - n_own, 0)
+        names = -2.0 * (n_own * np.log(share) + n_other * np.log1p(-share))
+        n_parameters = len(how.orientation.normal_space)
+        gain = rise - names - 2.0 * n_parameters * np.log(len(cloud))
+        gain[n_own < how.min_points] = -np.inf
+        worst = int(np.argmin(gain))
+        if gain[worst] >= 0.0:
+            break
+        del kept[worst]
+    winners = []
+    for place, k in enumerate(kept):
+        inliers = np.flatnonzero((labels == place) & (best <= 1.0))
+        model = fit(cloud.take(inliers), patches[k].model.equation, how.orientation)
+        if model is not None and len(inliers) >= how.min_points:
+            winners.append(Patch.of(cloud, model, inliers))
+    return winners
