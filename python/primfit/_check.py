@@ -53,12 +53,10 @@ def _as_floats(name: str, values: ArrayLike) -> Floats:
 def check_finite(name: str, array: Floats) -> None:
     """Refuse NaN and infinity, and say where the first is."""
     if array.size and not np.isfinite(array).all():
-        bad = ~np.isfinite(array)
-        rows = bad.any(axis=tuple(range(1, bad.ndim))) if bad.ndim > 1 else bad
+        bad = np.flatnonzero(~np.isfinite(array).reshape(len(array), -1).all(axis=1))
         raise ValueError(
-            f"{name} must be finite, but {int(rows.sum())} of {len(rows)} rows are not (the first "
-            f"is row {int(np.argmax(rows))}); leave them out, for example with "
-            f"np.isfinite({name})"
+            f"{name} must be finite, but {len(bad)} of {len(array)} rows are not (the first is row "
+            f"{bad[0]}); leave them out, for example with np.isfinite({name})"
         )
 
 

@@ -4,6 +4,14 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = [
+    "RayCaster",
+    "dbscan",
+    "fit_plane",
+    "fit_plane_to_ranges",
+    "score_planes",
+]
+
 @final
 class RayCaster:
     def __new__(cls, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> RayCaster: ...
@@ -15,9 +23,7 @@ class RayCaster:
         n_jobs: int | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]: ...
 
-def dbscan(
-    points: NDArray[np.float64], eps: float, min_samples: int
-) -> NDArray[np.int64]: ...
+def dbscan(points: NDArray[np.float64], eps: float, min_samples: int) -> NDArray[np.int64]: ...
 def fit_plane(
     points: NDArray[np.float64], weights: NDArray[np.float64], normal_space: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None: ...

@@ -43,7 +43,7 @@ class RayCaster:
 
     def __init__(self, mesh_or_world: World | Mesh) -> None:
         if isinstance(mesh_or_world, World):
-            vertices, triangles, ids = mesh_or_world.to_mesh()
+            corners, rows, ids = mesh_or_world.to_mesh()
         else:
             try:
                 vertices, triangles = mesh_or_world
@@ -52,13 +52,11 @@ class RayCaster:
                     "mesh_or_world must be a World or a pair (vertices, triangles), not "
                     f"{type(mesh_or_world).__name__}"
                 ) from None
-            vertices, triangles = as_rows("vertices", vertices, 3), _as_triangles(triangles)
-            ids = np.arange(len(triangles))
+            corners, rows = as_rows("vertices", vertices, 3), _as_triangles(triangles)
+            ids = np.arange(len(rows))
         # A miss is triangle -1: the last entry.
         self._ids: Ints = np.append(ids, NOTHING)
-        self._core = _primfit.RayCaster(
-            np.ascontiguousarray(vertices), np.ascontiguousarray(triangles)
-        )
+        self._core = _primfit.RayCaster(np.ascontiguousarray(corners), np.ascontiguousarray(rows))
 
     def cast(
         self, origins: ArrayLike, directions: ArrayLike, n_jobs: int | None = None

@@ -138,7 +138,8 @@ def _free_polygon(vertices: Floats, covariance: Floats) -> Outline:
         turned = footprints.angle_of(outline, "polygon") - angle
         period = 2 * np.pi / order
         turned = (turned + period / 2) % period - period / 2
-        return np.array([*outline.mean(axis=0), turned, *footprints.size_of(outline, "polygon")])
+        size = np.atleast_1d(footprints.size_of(outline, "polygon"))
+        return np.concatenate([outline.mean(axis=0), [turned], size])
 
     step = 1e-7 * np.ptp(vertices, axis=0).max()
     steps = step * np.eye(2 * n).reshape(2 * n, n, 2)

@@ -234,13 +234,29 @@ class Detection:
         with open(file, "w", newline="") as stream:
             table = csv.writer(stream)
             table.writerow(
-                ["kind", "x_m", "y_m", "z_m", "angle_rad", "size_m", "size_2_m", "height_m", "corners"]
+                [
+                    "kind",
+                    "x_m",
+                    "y_m",
+                    "z_m",
+                    "angle_rad",
+                    "size_m",
+                    "size_2_m",
+                    "height_m",
+                    "corners",
+                ]
             )
             for solid in self.solids:
                 sizes = [*np.atleast_1d(solid.size).tolist(), ""][:2]
                 table.writerow(
-                    [solid.kind, *solid.center.tolist(), solid.angle, *sizes, solid.height]
-                    + [len(solid.footprint)]
+                    [
+                        solid.kind,
+                        *solid.center.tolist(),
+                        solid.angle,
+                        *sizes,
+                        solid.height,
+                        len(solid.footprint),
+                    ]
                 )
 
     def save_mesh(self, file: str | PathLike[str]) -> None:

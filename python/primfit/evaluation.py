@@ -110,8 +110,14 @@ class Report:
 
     def __str__(self) -> str:
         """The paper's table, with the size beside it."""
-        head = ("Ground Truth", "Detected", "Center Error (mm)", "Angle Error (deg)", "Size Error (mm)")
-        table = [head]
+        head = (
+            "Ground Truth",
+            "Detected",
+            "Center Error (mm)",
+            "Angle Error (deg)",
+            "Size Error (mm)",
+        )
+        table: list[tuple[str, ...]] = [head]
         for row in self.rows:
             errors = (row.center_error_mm, row.angle_error_deg, row.size_error_mm)
             shown = tuple("-" if np.isnan(error) else f"{error:.6f}" for error in errors)
@@ -162,9 +168,7 @@ def evaluate(found: Detection, world: World, *, max_distance: float = 0.1) -> Re
     distance = np.linalg.norm(truth[:, None] - centers, axis=-1)
     far = 1e3 * (max_distance + distance.max(initial=0.0))
     pairs = linear_sum_assignment(np.where(distance <= max_distance, distance, far))
-    match = {
-        int(i): int(j) for i, j in zip(*pairs, strict=True) if distance[i, j] <= max_distance
-    }
+    match = {int(i): int(j) for i, j in zip(*pairs, strict=True) if distance[i, j] <= max_distance}
     rows = tuple(
         _compare(i, solid, match.get(i, -1), found) for i, solid in enumerate(world.solids)
     )

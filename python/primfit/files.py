@@ -63,11 +63,10 @@ def read_points(file: str | PathLike[str]) -> Floats:
 
 def _read(path: Path) -> ArrayLike:
     suffix = path.suffix.lower()
-    if suffix == ".npy":
-        return np.asarray(np.load(path, allow_pickle=False))
-    if suffix == ".npz":
-        with np.load(path, allow_pickle=False) as archive:
-            return np.asarray(archive["points"])
+    if suffix in (".npy", ".npz"):
+        with open(path, "rb") as stream:
+            content = np.load(stream, allow_pickle=False)
+            return content if suffix == ".npy" else content["points"]
     if suffix in _TEXT:
         return _read_text(path)
     if suffix == ".ply":
@@ -85,13 +84,18 @@ def _read(path: Path) -> ArrayLike:
 
 def _read_text(path: Path) -> Floats:
     with open(path) as stream:
-        first = stream.readline().replace(",", " ").split()
+        first = stream.readline()
         # A .pts file may begin with the number of its points.
-        skip = 1 if len(first) == 1 else 0
-        delimiter = "," if not skip and "," in path.open().readline() else None
-    return np.loadtxt(
-        path, skiprows=skip, delimiter=delimiter, comments=("#", "//"), usecols=(0, 1, 2), ndmin=2
-    )
+        is_count = len(first.replace(",", " ").split()) == 1
+        stream.seek(0)
+        return np.loadtxt(
+            stream,
+            skiprows=int(is_count),
+            delimiter="," if "," in first else None,
+            comments=("#", "//"),
+            usecols=(0, 1, 2),
+            ndmin=2,
+        )
 
 
 def write_points(

@@ -13,7 +13,7 @@ _FLATNESS = 6.0
 """Second smallest over smallest eigenvalue from which a neighbourhood counts as a flat one."""
 
 FLOOR = 1e-6
-"""Least standard deviation, as a fraction of the cloud's extent: exact ranges are stored rounded."""
+"""Least standard deviation as a fraction of the extent: exact ranges are stored rounded."""
 
 
 def spacing(points: Floats, tree: KDTree | None = None) -> float:

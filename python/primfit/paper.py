@@ -214,7 +214,7 @@ def detect_paper(
     solids: list[FoundSolid] = []
     arena = None
     if wanted.is_upright:
-        walls = walls_of(patches, seen, used_sigma)
+        walls = walls_of(patches, cloud, seen, float(np.median(cloud.sigma)))
         find_solids = _solids_by_chains if how.chain else _solids_by_pairs
         solids, arena = find_solids(walls, patches, cloud, base, close, how, wanted)
 
@@ -251,7 +251,7 @@ def _find_floor(cloud: Cloud, rows: Ints, rng: np.random.Generator) -> Plane | N
     if model.equation[2] < 0.0 or below.mean() > 0.01:
         return None
     planes, _ = bounded([Patch.of(cloud, model, inliers)], cloud, rows, int(rows[-1]) + 1)
-    return planes[0]
+    return planes[0] if planes[0].area > 0.0 else None
 
 
 def _solids_by_chains(

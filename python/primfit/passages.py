@@ -18,7 +18,8 @@ def passages(scan: Scan, equation: Floats, axes: Floats, sigma: float) -> Floats
     """Where beams met a plane from its free side and went on.
 
     The place is exact however noisy the range is: only whether the beam ended there or went on
-    is measured.
+    is measured. A beam without return went as far as the sensor sees, which is the longest range
+    of the scan where it is not known.
 
     Parameters
     ----------
@@ -35,10 +36,15 @@ def passages(scan: Scan, equation: Floats, axes: Floats, sigma: float) -> Floats
     places : (k, 2) float64, metres
         Along the axes.
     """
+    is_finite = np.isfinite(scan.ranges)
+    farthest = scan.max_range
+    if farthest is None:
+        farthest = float(scan.ranges[is_finite].max(initial=0.0))
+    reached = np.where(is_finite, scan.ranges, farthest)
     approach = -(scan.directions @ equation[:3])
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = (scan.origins @ equation[:3] + equation[3]) / approach
-        passed = (approach > 0.0) & (crossing > 0.0) & (scan.ranges > crossing + _CLEAR * sigma)
+        passed = (approach > 0.0) & (crossing > 0.0) & (reached > crossing + _CLEAR * sigma)
     at = scan.origins[passed] + crossing[passed, None] * scan.directions[passed]
     places: Floats = at @ axes.T
     return places

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -75,7 +76,9 @@ def grid_path(
         )
     start = np.random.default_rng(rng).uniform(0.0, 2 * np.pi, len(positions))
     yaws = start[:, None] + 2 * np.pi * np.arange(headings) / headings
-    return np.column_stack([np.repeat(positions, headings, axis=0), np.mod(yaws, 2 * np.pi).ravel()])
+    return np.column_stack(
+        [np.repeat(positions, headings, axis=0), np.mod(yaws, 2 * np.pi).ravel()]
+    )
 
 
 def waypoints(
@@ -125,7 +128,7 @@ def waypoints(
     headings = integer("headings", headings, low=1)
     legs = [np.empty((0, 3))]
     yaw = 0.0
-    for start, end in zip(corners[:-1], corners[1:], strict=True):
+    for start, end in pairwise(corners):
         step = end - start
         if not step.any():
             continue

@@ -24,8 +24,11 @@ _FAILURES = 3
 _LEAST_COSINE = 0.9
 """Cosine of the angle between two planes from which they may be pieces of one."""
 
+_APART = 0.1
+"""Share of its length by which a piece may lie off the plane of another; else no fit is tried."""
+
 _SWEEPS = 4
-"""Rounds of competition; the second usually changes little."""
+"""Most rounds of competition; the second usually changes little."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,17 +61,28 @@ class Patch:
         along = np.cross(up, normal)
         along /= np.linalg.norm(along)
         axes = np.stack([along, np.cross(normal, along)])
-        some = cloud.take(inliers)
-        at = some.feet(model.equation)[np.isfinite(some.residuals(model.equation))] @ axes.T
-        return cls(model, inliers, axes, at.min(axis=0), at.max(axis=0))
+        at = cloud.take(inliers).feet(model.equation) @ axes.T
+        return cls(model, inliers, axes, np.nanmin(at, axis=0), np.nanmax(at, axis=0))
+
+    @property
+    def corners(self) -> Floats:
+        """Corners (4, 3) of its reach, metres."""
+        (a, b), (c, d) = zip(self.low, self.high, strict=True)
+        offset = self.model.equation[3] * self.model.equation[:3]
+        at: Floats = np.array([[a, c], [b, c], [b, d], [a, d]]) @ self.axes - offset
+        return at
+
+    @property
+    def center(self) -> Floats:
+        """Middle of its reach (3,), metres."""
+        middle: Floats = self.corners.mean(axis=0)
+        return middle
 
     def covers(self, cloud: Cloud, margin: float) -> Bools:
         """Which points meet the plane within `margin` of the patch's reach."""
-        residuals = cloud.residuals(self.model.equation)
-        covered = np.isfinite(residuals)
-        at = cloud.take(covered).feet(self.model.equation) @ self.axes.T
-        covered[covered] = ((at >= self.low - margin) & (at <= self.high + margin)).all(axis=1)
-        return covered
+        at = cloud.feet(self.model.equation) @ self.axes.T
+        above, below = at >= self.low - margin, at <= self.high + margin
+        return above[:, 0] & above[:, 1] & below[:, 0] & below[:, 1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,6 +132,8 @@ def find_planes(
     eps : float, metres
         Of DBSCAN, at the first plane.
     """
+    if not len(cloud):
+        return [], 0.0 if how.eps is None else how.eps
     tree = KDTree(cloud.points)
     extent = float(np.ptp(cloud.points, axis=0).max())
     limit = float(np.median(cloud.limit))
@@ -159,8 +175,12 @@ def find_planes(
             on_plane(len(cloud) - len(rest), len(cloud))
     if how.compete:
         for _ in range(_SWEEPS):
+            before = [patch.inliers for patch in patches]
             patches = _merge(cloud, patches, how, scan, first_eps)
             patches = _compete(cloud, patches, how, first_eps)
+            after = [patch.inliers for patch in patches]
+            if len(before) == len(after) and all(map(np.array_equal, before, after)):
+                break
     return patches, first_eps
 
 
@@ -191,13 +211,14 @@ def _union(
         return None
     if len(a.inliers) < len(b.inliers):
         a, b = b, a
-    corners = np.stack(np.meshgrid(*zip(b.low, b.high, strict=True)), axis=-1).reshape(-1, 2)
-    offset = b.model.equation[3] * b.model.equation[:3]
-    other = (corners @ b.axes - offset) @ a.axes.T
+    other = b.corners @ a.axes.T
     gap_low = np.minimum(a.high, other.max(axis=0))
     gap_high = np.maximum(a.low, other.min(axis=0))
     gap = gap_high - gap_low
     if (gap > np.maximum(a.high - a.low, b.high - b.low).max()).any():
+        return None
+    between = abs(a.model.equation[:3] @ b.center + a.model.equation[3])
+    if between > 2.0 * float(np.median(cloud.limit)) + _APART * np.linalg.norm(b.high - b.low):
         return None
     rows = np.union1d(a.inliers, b.inliers)
     model = fit(cloud.take(rows), a.model.equation, how.orientation)
@@ -215,8 +236,9 @@ def _union(
         return None
     if scan is not None and (gap > eps).any():
         # The axis along which they are apart; along the other they overlap.
-        low, high = np.where(gap > 0.0, gap_low + eps / 4, gap_high), np.where(
-            gap > 0.0, gap_high - eps / 4, gap_low
+        low, high = (
+            np.where(gap > 0.0, gap_low + eps / 4, gap_high),
+            np.where(gap > 0.0, gap_high - eps / 4, gap_low),
         )
         at = passages(scan, a.model.equation, a.axes, float(np.median(cloud.sigma)))
         if ((at >= low) & (at <= high)).all(axis=1).sum() > MOST_PASSING:

@@ -225,7 +225,8 @@ def cloud_of(
     if sigma is None:
         sigma = estimate_sigma(points, directions, rng)
     spread = np.broadcast_to(np.asarray(sigma, dtype=float), len(scan))[rows]
-    least = FLOOR * max(float(np.ptp(points, axis=0).max()), np.finfo(float).tiny)
+    extent, farthest = float(np.ptp(points, axis=0).max()), float(np.abs(points).max())
+    least = max(FLOOR * extent, 4.0 * np.finfo(float).eps * farthest, 1e-100)
     each = np.maximum(spread, least)
     limit = SIGMAS * each
     if threshold is not None:
@@ -273,6 +274,7 @@ def bounded(
         equation = patch.model.equation
         own = np.flatnonzero(owner == number_)
         at = cloud.take(own).feet(equation) @ patch.axes.T
+        at = at[np.isfinite(at).all(axis=1)]
         corners, area = _hull(at)
         boundary = at[corners] @ patch.axes - equation[3] * equation[:3]
         planes.append(
@@ -290,8 +292,10 @@ def bounded(
 
 def _hull(at: Floats) -> tuple[Ints, float]:
     """Corners of the convex hull of points in the plane, and its area."""
+    if len(at) < 3:
+        return np.arange(len(at)), 0.0
     try:
         hull = ConvexHull(at - at.mean(axis=0))
         return hull.vertices, float(hull.volume)
-    except (QhullError, ValueError):
-        return np.arange(min(len(at), 2)), 0.0
+    except QhullError:
+        return np.arange(2), 0.0

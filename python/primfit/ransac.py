@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
 from primfit import _primfit
-from primfit.clustering import dbscan
 from primfit._check import Bools, Floats, Ints, as_vector, number
+from primfit.clustering import dbscan
 
 _Z = np.array([0.0, 0.0, 1.0])
 _MAX_REFITS = 12
@@ -77,7 +77,7 @@ class Orientation:
 
     @property
     def normal_space(self) -> Floats:
-        """Orthonormal rows that span the normals: 1 for a given one, 2 for planes along the axis."""
+        """Orthonormal rows that span the normals: 1 for a given one, 2 for planes along an axis."""
         if self.high == 0.0:
             return self.axis[None]
         across = np.linalg.svd(self.axis[None])[2][1:]
@@ -131,10 +131,14 @@ class Cloud:
             return np.where(approach > 0.0, distance / approach, np.inf)
 
     def feet(self, equation: Floats) -> Floats:
-        """Where each beam meets a plane, or the foot of the perpendicular without beams (n, 3)."""
+        """Where each beam meets a plane, or the foot of the perpendicular without beams (n, 3).
+
+        NaN where the residual is infinite.
+        """
+        distance = self.residuals(equation)[:, None]
         if self.directions is None:
-            return self.points - np.outer(self.residuals(equation), equation[:3])
-        return self.points + self.residuals(equation)[:, None] * self.directions
+            return self.points - distance * equation[:3]
+        return self.points + np.where(np.isfinite(distance), distance, np.nan) * self.directions
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,7 +281,12 @@ def find_plane(
 
 
 def settle(
-    cloud: Cloud, equation: Floats, orientation: Orientation, eps: float, min_points: int, n_refits: int
+    cloud: Cloud,
+    equation: Floats,
+    orientation: Orientation,
+    eps: float,
+    min_points: int,
+    n_refits: int,
 ) -> tuple[PlaneModel, Ints] | None:
     """The plane that is left when fit and largest cluster have settled, with its inliers."""
     inliers = _largest_cluster(cloud, equation, eps)

@@ -125,7 +125,9 @@ def _as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, bool]:
     if array.shape[-2:] == (4, 4) and array.ndim in (2, 3):
         return check_transforms("path", array.reshape(-1, 4, 4), array.shape), False
     if array.ndim not in (1, 2) or array.shape[-1] != 3:
-        raise ValueError(f"path must have shape (n, 3), (3,), (n, 4, 4) or (4, 4), not {array.shape}")
+        raise ValueError(
+            f"path must have shape (n, 3), (3,), (n, 4, 4) or (4, 4), not {array.shape}"
+        )
     array = array.reshape(-1, 3)
     check_finite("path", array)
     x, y, yaw = array.T

@@ -40,7 +40,8 @@ class Scan:
     layer, column, pose_index : (n,) int64 or None
         Place of the beam in the sensor and of its pose in the path.
     solid_index : (n,) int64 or None
-        The truth, where it is known: row of the solid, -1 nothing, -2 arena, -3 floor.
+        The truth, where it is known: what the beam meets, within range or not: row of the solid,
+        -1 nothing, -2 arena, -3 floor.
     sigma : float, (n,) float64 or None, metres
         Standard deviation of the ranges; 0 is exact, None is not known.
     max_range : float or None, metres
@@ -191,7 +192,7 @@ class Scan:
     @cached_property
     def is_return(self) -> Bools:
         """Which beams came back (n,)."""
-        return frozen(np.isfinite(self.points).all(axis=1))
+        return frozen(~np.isnan(self.points[:, 0]))
 
     @property
     def has_origins(self) -> bool:
@@ -230,7 +231,7 @@ class Scan:
             When the file is not one.
         """
         try:
-            with np.load(file, allow_pickle=False) as archive:
+            with open(file, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
                 fields = {name: archive[name] for name in archive.files}
             if fields.pop("primfit") != "scan":
                 raise KeyError("primfit")

@@ -89,7 +89,9 @@ class Lidar:
         min_range = number("min_range", self.min_range, low=0.0)
         max_range = number("max_range", self.max_range, above=0.0)
         if min_range >= max_range:
-            raise ValueError(f"min_range must be less than max_range={max_range:g}, not {min_range!r}")
+            raise ValueError(
+                f"min_range must be less than max_range={max_range:g}, not {min_range!r}"
+            )
         resolution = number("resolution", self.resolution)
         if resolution != -1.0 and resolution <= 0.0:
             raise ValueError(f"resolution must be positive, or -1 for none, not {resolution!r}")
@@ -172,7 +174,9 @@ def check_transforms(name: str, transforms: ArrayLike, shape: tuple[int, ...]) -
         raise ValueError(f"{name} must be rigid transforms (..., 4, 4), not shape {shape}")
     rotation = array[..., :3, :3]
     rigid = np.isfinite(array).all(axis=(-2, -1))
-    rigid &= np.isclose(np.swapaxes(rotation, -1, -2) @ rotation, np.eye(3), atol=1e-6).all((-2, -1))
+    rigid &= np.isclose(np.swapaxes(rotation, -1, -2) @ rotation, np.eye(3), atol=1e-6).all(
+        (-2, -1)
+    )
     rigid &= np.linalg.det(rotation) > 0
     rigid &= (array[..., 3, :] == [0.0, 0.0, 0.0, 1.0]).all(axis=-1)
     if not rigid.all():

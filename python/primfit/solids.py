@@ -186,6 +186,8 @@ def _triangulate(footprint: Floats) -> Ints:
     distance = np.abs(corners[:, :, None] - footprint).sum(axis=-1)
     triangles: Ints = distance.argmin(axis=-1)
     a, b, c = np.moveaxis(footprint[triangles], 1, 0)
-    clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (b[:, 1] - a[:, 1]) * (
+        c[:, 0] - a[:, 0]
+    )
     triangles[clockwise] = triangles[clockwise][:, ::-1]
     return triangles

@@ -13,6 +13,7 @@ from itertools import combinations, islice
 
 import networkx as nx
 import numpy as np
+import shapely
 from scipy.optimize import linear_sum_assignment
 
 from primfit._check import Floats
@@ -47,25 +48,34 @@ class Wall:
     plane : int
         Number of the patch.
     patch : Patch
+    low, high : float, metres
+        Where the wall ends, along the first axis of the patch.
+    passages : (k,) float64 or None, metres
+        Where beams passed the line below the top, along the same axis, sorted; None when origins
+        are not known.
     side : float
         1, or -1 for the wall seen from the back of the patch.
-    passages : (k,) float64 or None, metres
-        Where beams passed the line below the top, sorted; None when origins are not known.
     """
 
     plane: int
     patch: Patch
-    side: float
+    low: float
+    high: float
     passages: Floats | None
+    side: float = 1.0
 
     @classmethod
-    def of(cls, number: int, patch: Patch, scan: Scan | None, sigma: float) -> Wall:
-        """The wall of an upright patch."""
-        passed = None
-        if scan is not None:
-            at = passages(scan, patch.model.equation, patch.axes, sigma)
-            passed = np.sort(at[at[:, 1] <= patch.high[1], 0])
-        return cls(number, patch, 1.0, passed)
+    def of(cls, number: int, patch: Patch, cloud: Cloud, scan: Scan | None, sigma: float) -> Wall:
+        """The wall of an upright patch.
+
+        With a scan it ends where beams that pass begin to outnumber those that end on it.
+        """
+        if scan is None:
+            return cls(number, patch, float(patch.low[0]), float(patch.high[0]), None)
+        at = passages(scan, patch.model.equation, patch.axes, sigma)
+        passed = np.sort(at[at[:, 1] <= patch.high[1], 0])
+        hits = cloud.take(patch.inliers).feet(patch.model.equation) @ patch.axes[0]
+        return cls(number, patch, *_dense_run(hits, passed), passed)
 
     @property
     def normal(self) -> Floats:
@@ -88,12 +98,12 @@ class Wall:
     @property
     def start(self) -> float:
         """First place along the line, metres."""
-        return float(self.patch.low[0] if self.side > 0.0 else -self.patch.high[0])
+        return self.low if self.side > 0.0 else -self.high
 
     @property
     def end(self) -> float:
         """Last place along the line, metres."""
-        return float(self.patch.high[0] if self.side > 0.0 else -self.patch.low[0])
+        return self.high if self.side > 0.0 else -self.low
 
     @property
     def top(self) -> float:
@@ -123,15 +133,33 @@ class Cycle:
     vertices: Floats
 
     @property
+    def is_simple(self) -> bool:
+        """Whether it does not cross itself."""
+        return bool(shapely.LinearRing(self.vertices).is_simple)
+
+    @property
     def is_solid(self) -> bool:
         """Whether it is seen from outside; a room is seen from inside."""
         return signed_area(self.vertices) > 0.0
 
 
-def walls_of(patches: Iterable[Patch], scan: Scan | None, sigma: float) -> list[Wall]:
+def _dense_run(hits: Floats, passed: Floats) -> tuple[float, float]:
+    """First and last hit of the run of places with the most hits less passages."""
+    hits = hits[np.isfinite(hits)]
+    places = np.concatenate([hits, passed])
+    order = np.argsort(places, kind="stable")
+    gain = np.cumsum(np.where(order < len(hits), 1, -1))
+    before = np.concatenate([[0], gain[:-1]])
+    lowest = np.minimum.accumulate(before)
+    last = int(np.argmax(gain - lowest))
+    first = int(np.argmin(before[: last + 1]))
+    return float(places[order[first]]), float(places[order[last]])
+
+
+def walls_of(patches: Iterable[Patch], cloud: Cloud, scan: Scan | None, sigma: float) -> list[Wall]:
     """The upright ones of some patches, as walls."""
     return [
-        Wall.of(number, patch, scan, sigma)
+        Wall.of(number, patch, cloud, scan, sigma)
         for number, patch in enumerate(patches)
         if abs(patch.model.equation[2]) < 0.5
     ]
@@ -163,7 +191,7 @@ def chain_walls(walls: list[Wall], tolerance: float) -> list[Cycle]:
             corner = _corner(wall, following)
             if corner is None or wall.plane == following.plane:
                 continue
-            here, there = corner @ wall.along, corner @ following.along
+            here, there = float(corner @ wall.along), float(corner @ following.along)
             gaps = here - wall.end, following.start - there
             farthest = max(wall.end - wall.start, following.end - following.start, tolerance)
             if min(gaps) < -tolerance or max(gaps) > farthest:
@@ -183,13 +211,15 @@ def chain_walls(walls: list[Wall], tolerance: float) -> list[Cycle]:
     pairs = zip(*linear_sum_assignment(cost), strict=True)
     graph.add_edges_from((int(i), int(j)) for i, j in pairs if (i, j) in corners)
     cycles = []
-    for cycle in nx.simple_cycles(graph):
+    for loop in nx.simple_cycles(graph):
         # Each wall has one way in and one way out, so cycles share no wall.
-        if len(cycle) >= 3:
-            first = cycle.index(min(cycle))
-            order = cycle[first:] + cycle[:first]
+        if len(loop) >= 3:
+            first = loop.index(min(loop))
+            order = loop[first:] + loop[:first]
             vertices = np.array([corners[order[k - 1], order[k]] for k in range(len(order))])
-            cycles.append(Cycle(tuple(sides[k] for k in order), vertices))
+            cycle = Cycle(tuple(sides[k] for k in order), vertices)
+            if cycle.is_simple:
+                cycles.append(cycle)
     cycles.sort(key=lambda cycle: min(wall.plane for wall in cycle.walls))
     return cycles if one_sided else [cycle for cycle in cycles if cycle.is_solid]
 
@@ -211,13 +241,16 @@ def refine(cycle: Cycle, cloud: Cloud, orientation: Orientation) -> Cycle:
             at = cloud.take(near).feet(equation)[:, :2] @ wall.along
             rows = near[(at >= ends[0]) & (at <= ends[1])]
             model = fit(cloud.take(rows), equation, orientation)
-            walls.append(
-                wall if model is None else replace(wall, patch=Patch.of(cloud, model, rows))
-            )
+            if model is None or not np.isfinite(cloud.take(rows).residuals(model.equation)).any():
+                return cycle
+            walls.append(replace(wall, patch=Patch.of(cloud, model, rows)))
         corners = [_corner(walls[k - 1], walls[k]) for k in range(len(walls))]
         if any(corner is None for corner in corners):
-            break
-        cycle = Cycle(tuple(walls), np.array(corners))
+            return cycle
+        moved = Cycle(tuple(walls), np.array(corners))
+        if not moved.is_simple or moved.is_solid != cycle.is_solid:
+            return cycle
+        cycle = moved
     return cycle
 
 
@@ -225,8 +258,7 @@ def _corner(wall: Wall, other: Wall) -> Floats | None:
     lines = np.stack([wall.normal, other.normal])
     if abs(np.linalg.det(lines)) < _LEAST_SINE:
         return None
-    corner: Floats = np.linalg.solve(lines, [-wall.offset, -other.offset])
-    return corner
+    return np.linalg.solve(lines, np.array([-wall.offset, -other.offset]))
 
 
 def intersect_pairs(
@@ -274,7 +306,7 @@ def simple_cycles(edges: list[tuple[int, int, Floats]]) -> list[Floats]:
     for i, j, ends in edges:
         graph.add_edge(i, j)
         places[i], places[j] = ends
-    unique = {}
+    unique: dict[tuple[int, ...], list[int]] = {}
     for cycle in islice(nx.simple_cycles(graph), _MOST_CYCLES):
         unique.setdefault(tuple(sorted(cycle)), cycle)
     outlines = []

@@ -91,7 +91,7 @@ class World:
     World(1 solid: square; arena 2 x 2 m)
     """
 
-    solids: tuple[Prism, ...] = ()
+    solids: Sequence[Prism] = ()
     arena: Arena | None = None
 
     def __post_init__(self) -> None:
@@ -149,12 +149,16 @@ class World:
             parts.append((walls.vertices, walls.to_mesh()[1][:8, ::-1], ARENA))
         else:
             low, high = low - OPEN_FLOOR, high + OPEN_FLOOR
-        floor = np.array([[low[0], low[1], 0], [high[0], low[1], 0], [*high, 0], [low[0], high[1], 0]])
+        floor = np.array(
+            [[low[0], low[1], 0], [high[0], low[1], 0], [*high, 0], [low[0], high[1], 0]]
+        )
         parts.append((floor, np.array([[0, 1, 2], [0, 2, 3]]), FLOOR))
         first = np.cumsum([0, *(len(vertices) for vertices, _, _ in parts)])
         return (
             frozen(np.concatenate([vertices for vertices, _, _ in parts])),
-            frozen(np.concatenate([rows + i for (_, rows, _), i in zip(parts, first, strict=False)])),
+            frozen(
+                np.concatenate([rows + i for (_, rows, _), i in zip(parts, first, strict=False)])
+            ),
             frozen(np.concatenate([np.full(len(rows), index) for _, rows, index in parts])),
         )
 

@@ -45,7 +45,7 @@ pub fn fit_plane(points: &[Vector], weights: &[f64], normal_space: &[Vector]) ->
         (1..rank).map(|j| (axis(j), eigen.eigenvalues[order[j]])).collect();
     let largest = turns.iter().map(|turn| turn.1).fold(0.0, f64::max);
     // A spread below rounding means that a whole sheaf of planes fits.
-    if turns.iter().any(|turn| turn.1 <= 1e-24 * largest || turn.1 <= 0.0) {
+    if turns.iter().any(|turn| turn.1 <= 1e-14 * largest || turn.1 <= 0.0) {
         return None;
     }
     let mut covariance = Matrix4::zeros();
@@ -83,15 +83,14 @@ pub fn fit_plane_to_ranges(
     // Beams along the plane make the residuals far from linear: a step that overshoots is halved.
     let mut share = 1.0;
     for _ in 0..MAX_STEPS {
+        if step.expected_gain <= 1e-9 * step.cost || share < 1e-3 {
+            break;
+        }
         let moved = (normal + share * step.turn).normalize();
         let shifted = offset + share * step.shift;
         let next = RangeStep::at(points, directions, sigmas, moved, shifted, origin, normal_space)?;
         if next.cost < step.cost {
-            let gain = step.cost - next.cost;
             (normal, offset, step, share) = (moved, shifted, next, 1.0);
-            if gain <= 1e-10 * step.cost {
-                break;
-            }
         } else {
             share /= 2.0;
         }
@@ -116,6 +115,7 @@ struct RangeStep {
     shift: f64,
     covariance: Matrix3<f64>,
     cost: f64,
+    expected_gain: f64,
     weight: f64,
 }
 
@@ -164,7 +164,8 @@ impl RangeStep {
             covariance[(j, j)] = 0.0;
         }
         let turn = axes.iter().enumerate().map(|(j, axis)| change[j] * axis).sum();
-        Some(Self { axes, turn, shift: change[2], covariance, cost, weight })
+        let expected_gain = -change.dot(&gradient);
+        Some(Self { axes, turn, shift: change[2], covariance, cost, expected_gain, weight })
     }
 }
 

@@ -1,0 +1,280 @@
+"""The command line: demo, scan, detect, reproduce."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
+from functools import wraps
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+import primfit
+
+app = typer.Typer(
+    help="LiDAR scans to solid geometry.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Seed = Annotated[int | None, typer.Option("--rng", help="Seed; the same gives the same result.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+
+
+def _explained(command: Callable[..., None]) -> Callable[..., None]:
+    """Turn errors that users can mend into one line and exit status 2."""
+
+    @wraps(command)
+    def run(*args: Any, **kwargs: Any) -> None:
+        try:
+            command(*args, **kwargs)
+        except (ValueError, TypeError, OSError, ModuleNotFoundError) as error:
+            typer.echo(f"primfit: {error}", err=True)
+            raise typer.Exit(2) from None
+
+    return run
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        _say(f"primfit {primfit.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+@_explained
+def demo(
+    rng: Seed = None,
+    noise: Annotated[float, typer.Option(help="Noise, as a fraction of the range of 1 m.")] = 0.0,
+    picture: Annotated[Path, typer.Option(help="Picture to write.")] = Path("demo.png"),
+    as_json: AsJson = False,
+) -> None:
+    """Do the paper's job on a random map: print its table and write a picture."""
+    seed = int(np.random.SeedSequence().generate_state(1)[0]) if rng is None else rng
+    world = primfit.random_world(rng=seed)
+    path = primfit.grid_path(world, rng=seed)
+    scan = primfit.scan(world, path, primfit.Lidar(noise=noise), rng=seed)
+    found = primfit.detect(scan, rng=seed)
+    report = primfit.evaluate(found, world)
+    from primfit import plotting
+
+    plotting.save_demo(picture, world, scan, found)
+    if as_json:
+        _say(json.dumps({"rng": seed, "report": report.to_dict(), "found": found.to_dict()}))
+        return
+    _say(f"{world!r}, rng {seed}\n{scan!r}\n\n{report}\n\nThe picture is in {picture}")
+
+
+@app.command()
+@_explained
+def scan(
+    out: Annotated[
+        Path, typer.Argument(help="Scan to write: .npz; or a cloud: .ply .pcd .xyz ...")
+    ],
+    world: Annotated[
+        Path | None, typer.Option(help="World to scan (.json); a random one if none is given.")
+    ] = None,
+    save_world: Annotated[Path | None, typer.Option(help="Where to write the world.")] = None,
+    noise: Annotated[float, typer.Option(help="Noise, as a fraction of --max-range.")] = 0.0,
+    layers: Annotated[int, typer.Option(help="Layers of the lidar.")] = 8,
+    columns: Annotated[int, typer.Option(help="Columns of the lidar.")] = 100,
+    max_range: Annotated[float, typer.Option(help="Longest range, metres.")] = 1.0,
+    spacing: Annotated[float, typer.Option(help="Distance between positions, metres.")] = 0.25,
+    headings: Annotated[int, typer.Option(help="Headings at each position.")] = 4,
+    rng: Seed = None,
+    progress: Annotated[bool, typer.Option(help="Show a bar.")] = True,
+) -> None:
+    """Scan a world from a grid of poses."""
+    generator = np.random.default_rng(rng)
+    scene = primfit.World.load(world) if world else primfit.random_world(rng=generator)
+    lidar = primfit.Lidar(
+        number_of_layers=layers, horizontal_resolution=columns, max_range=max_range, noise=noise
+    )
+    path = primfit.grid_path(scene, spacing, headings=headings, rng=generator)
+    result = primfit.scan(
+        scene, path, lidar, rng=generator, progress=progress and sys.stderr.isatty()
+    )
+    if out.suffix == ".npz":
+        result.save(out)
+    else:
+        primfit.write_points(out, result.points[result.is_return])
+    if save_world:
+        scene.save(save_world)
+    _say(f"{scene!r}\n{result!r}\nwritten to {out}")
+
+
+@app.command()
+@_explained
+def detect(
+    file: Annotated[Path, typer.Argument(help="A scan of primfit (.npz), or a cloud.")],
+    world: Annotated[Path | None, typer.Option(help="The truth (.json), to compare with.")] = None,
+    orientation: Annotated[
+        str | None,
+        typer.Option(
+            help="vertical (planes and upright solids), horizontal or any (planes only). "
+            "Scans of primfit: vertical, clouds: any."
+        ),
+    ] = None,
+    origin: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(help="Where the sensor of a cloud was (x y z), metres."),
+    ] = None,
+    sigma: Annotated[float | None, typer.Option(help="Noise, metres; estimated if none.")] = None,
+    threshold: Annotated[
+        float | None, typer.Option(help="Greatest distance of an inlier, metres.")
+    ] = None,
+    min_points: Annotated[int | None, typer.Option(help="Least inliers of a plane.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Picture to write (.png).")] = None,
+    cloud: Annotated[Path | None, typer.Option(help="Coloured cloud to write (.ply ...).")] = None,
+    mesh: Annotated[Path | None, typer.Option(help="Solids to write (.ply .obj .stl).")] = None,
+    csv: Annotated[Path | None, typer.Option(help="Table of solids to write.")] = None,
+    rng: Seed = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Find planes and solids in a scan or cloud; a cloud is also written coloured by plane."""
+    recorded, n_left_out = _read(file, origin)
+    is_scan = recorded.pose_index is not None
+    wanted = orientation or ("vertical" if is_scan else "any")
+    found = primfit.detect(
+        recorded,
+        rng=rng,
+        orientation=wanted,
+        sigma=sigma,
+        settings=primfit.PaperSettings(
+            threshold=threshold,
+            min_points=min_points or (10 if is_scan else max(10, len(recorded) // 500)),
+        ),
+    )
+    if not is_scan:
+        picture = picture or Path(f"{file.stem}_planes.png")
+        cloud = cloud or Path(f"{file.stem}_planes.ply")
+    written = _write(found, picture=picture, cloud=cloud, mesh=mesh, csv=csv)
+    report = primfit.evaluate(found, primfit.World.load(world)) if world else None
+    if as_json:
+        content = found.to_dict() | {"report": report and report.to_dict()}
+        _say(json.dumps(content | {"written": [str(path) for path in written]}))
+        return
+    _say(f"{recorded!r}" + (f", {n_left_out} rows without a point" if n_left_out else ""))
+    _say(f"{found!r}")
+    _say(", ".join(f"{key} {value:.4g}" for key, value in found.settings.items()))
+    _say(_planes_table(found))
+    for solid in found.solids:
+        _say(f"{solid!r}")
+    if report:
+        _say(f"\n{report}")
+    for path in written:
+        _say(f"written: {path}")
+
+
+def _read(file: Path, origin: tuple[float, float, float] | None) -> tuple[primfit.Scan, int]:
+    if file.suffix == ".npz" and file.is_file():
+        # An archive that is no scan of ours may still hold points.
+        with suppress(ValueError):
+            return primfit.Scan.load(file), 0
+    points = primfit.read_points(file)
+    good = np.isfinite(points).all(axis=1)
+    if not good.any():
+        raise ValueError(f"{file} holds no finite point")
+    return primfit.Scan.from_points(points[good], origin), int((~good).sum())
+
+
+def _write(
+    found: primfit.Detection,
+    *,
+    picture: Path | None,
+    cloud: Path | None,
+    mesh: Path | None,
+    csv: Path | None,
+) -> list[Path]:
+    from primfit import plotting
+
+    if cloud:
+        rows = found.scan.is_return
+        colors = plotting.plane_colors(len(found.planes))[found.labels[rows]]
+        primfit.write_points(cloud, found.scan.points[rows], colors=colors)
+    if picture:
+        plotting.save_detection(picture, found)
+    if mesh:
+        found.save_mesh(mesh)
+    if csv:
+        found.to_csv(csv)
+    return [path for path in (picture, cloud, mesh, csv) if path]
+
+
+def _planes_table(found: primfit.Detection) -> str:
+    lines = [f"{'plane':>5}  {'inliers':>8}  {'area m2':>9}  {'rms mm':>8}  normal and offset"]
+    order = sorted(range(len(found.planes)), key=lambda i: -len(found.planes[i].inliers))
+    for i in order:
+        plane = found.planes[i]
+        a, b, c, d = plane.equation
+        lines.append(
+            f"{i:5d}  {len(plane.inliers):8d}  {plane.area:9.4f}  {1000 * plane.rms:8.3f}  "
+            f"{a:+.4f} {b:+.4f} {c:+.4f} {d:+.4f}"
+        )
+    share = (found.labels[found.scan.is_return] >= 0).mean()
+    lines.append(f"{len(found.planes)} planes hold {share:.1%} of the points")
+    return "\n".join(lines)
+
+
+@app.command()
+@_explained
+def reproduce(
+    n: Annotated[int, typer.Option("-n", help="Random maps or solids behind each row.")] = 20,
+    rng: Seed = 0,
+    literal: Annotated[
+        bool, typer.Option(help="Show the paper's own rules beside the repaired method.")
+    ] = True,
+    jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
+    as_json: AsJson = False,
+    progress: Annotated[bool, typer.Option(help="Show a bar.")] = True,
+) -> None:
+    """Print every table of the paper, its figures beside ours."""
+    from primfit import reproduction
+
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
+        tables = reproduction.reproduce(
+            n,
+            rng=rng,
+            literal=literal,
+            executor=executor if jobs > 1 else None,
+            progress=progress and sys.stderr.isatty(),
+        )
+    if as_json:
+        _say(json.dumps([table.to_dict() for table in tables]))
+        return
+    _say(reproduction.PREFACE)
+    for table in tables:
+        _say(f"\n{table}")
+
+
+def main() -> None:
+    """Run the command line."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

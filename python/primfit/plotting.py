@@ -1,0 +1,172 @@
+"""Pictures like the paper's figures; matplotlib is in the extra ``plot``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from primfit._check import Floats
+from primfit.detection import Detection
+from primfit.scans import Scan
+from primfit.worlds import COLORS, OTHER_COLOR, World
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_UNLABELLED = "0.75"
+_MOST_POINTS = 40_000
+"""Points that a picture shows: more only make the file larger."""
+
+
+def _pyplot() -> Any:
+    try:
+        import matplotlib.pyplot as plt
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            "pictures need matplotlib: install it with pip install 'primfit[plot]'"
+        ) from None
+    return plt
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure, in inches, that no display needs."""
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            "pictures need matplotlib: install it with pip install 'primfit[plot]'"
+        ) from None
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _from_above(ax: Axes | None, title: str) -> Axes:
+    if ax is None:
+        ax = _pyplot().subplots(figsize=(6, 6), layout="constrained")[1]
+    ax.set_aspect("equal")
+    ax.set_xlabel("x [m]")
+    ax.set_ylabel("y [m]")
+    ax.set_title(title)
+    return ax
+
+
+def _color(kind: str) -> tuple[float, ...]:
+    return tuple(value / 255 for value in COLORS.get(kind, OTHER_COLOR))
+
+
+def plot_world(world: World, ax: Axes | None = None) -> Axes:
+    """The map from above: each solid in the colour of its kind, with its name."""
+    ax = _from_above(ax, "map")
+    if world.arena is not None:
+        ax.fill(*world.arena.outline.T, facecolor="0.97", edgecolor="0.2", linewidth=2)
+    for solid in world.solids:
+        ax.fill(*solid.footprint.T, facecolor=_color(solid.kind), edgecolor="0.2", alpha=0.9)
+        x, y, _ = solid.center
+        ax.annotate(solid.kind, (x, y), ha="center", va="center", fontsize=7)
+    return ax
+
+
+def plot_scan(scan: Scan, ax: Axes | None = None) -> Axes:
+    """The returns from above, coloured by height."""
+    ax = _from_above(ax, "point cloud")
+    points = _thinned(scan.points[scan.is_return])
+    x, y, z = points.T
+    shown = ax.scatter(x, y, c=z, s=0.3, cmap="viridis", rasterized=True)
+    ax.figure.colorbar(shown, ax=ax, label="z [m]", shrink=0.8)
+    return ax
+
+
+def plot_detection(found: Detection, world: World | None = None, ax: Axes | None = None) -> Axes:
+    """Points coloured by plane, the solids found, and the truth dashed below them."""
+    ax = _from_above(ax, f"found ({found.method})")
+    colors = plane_colors(len(found.planes))
+    shown = found.scan.is_return
+    if found.floor is not None:
+        shown = shown.copy()
+        shown[found.floor.inliers] = False
+    rows = _thinned(np.flatnonzero(shown))
+    labels = found.labels[rows]
+    color = np.where(labels[:, None] >= 0, colors[labels], 190) / 255
+    x, y, _ = found.scan.points[rows].T
+    ax.scatter(x, y, c=color, s=0.3, rasterized=True)
+    if world is not None:
+        for solid in world.solids:
+            ax.fill(*solid.footprint.T, fill=False, edgecolor="0.1", linestyle="--", linewidth=0.8)
+    for found_solid in found.solids:
+        outline = found_solid.footprint
+        ax.fill(*outline.T, facecolor=_color(found_solid.kind), alpha=0.45)
+        ax.plot(*np.vstack([outline, outline[:1]]).T, color=_color(found_solid.kind), linewidth=1.2)
+        x, y, _ = found_solid.center
+        ax.plot(x, y, marker="+", color="black", markersize=5)
+        ax.annotate(
+            found_solid.kind,
+            (x, y),
+            xytext=(0, 6),
+            textcoords="offset points",
+            ha="center",
+            fontsize=7,
+        )
+    if found.arena is not None:
+        outline = found.arena.footprint
+        ax.plot(*np.vstack([outline, outline[:1]]).T, color="0.2", linewidth=1.2)
+    return ax
+
+
+def plot_planes(scan: Scan, found: Detection, ax: Any) -> None:
+    """Points in space, coloured by plane, with the boundary of each (a 3D axes)."""
+    rows = _thinned(np.flatnonzero(scan.is_return))
+    colors = plane_colors(len(found.planes))
+    labels = found.labels[rows]
+    shade = np.where(labels[:, None] >= 0, colors[labels], 190) / 255
+    points = scan.points[rows]
+    ax.scatter(*points.T, c=shade, s=0.4, rasterized=True, depthshade=False)
+    for plane, color in zip(found.planes, colors, strict=False):
+        outline = np.vstack([plane.boundary, plane.boundary[:1]])
+        ax.plot(*outline.T, color=tuple(color / 255), linewidth=1.0)
+    ax.set_xlabel("x [m]")
+    ax.set_ylabel("y [m]")
+    ax.set_zlabel("z [m]")
+    low, high = np.quantile(points, [0.01, 0.99], axis=0)
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
+    ax.set_zlim(low[2], high[2])
+    ax.set_box_aspect(np.maximum(high - low, 0.05 * (high - low).max()))
+    ax.set_title(f"{len(found.planes)} planes")
+
+
+def plane_colors(n: int) -> np.ndarray:
+    """n colours (n + 1, 3) uint8 that neighbours in the list tell apart; the last is grey."""
+    hue = (np.arange(n) * 0.61803398875) % 1.0
+    wheel = np.abs((hue[:, None] * 6 + np.array([0.0, 4.0, 2.0])) % 6 - 3) - 1
+    colors = np.clip(wheel, 0.0, 1.0) * 0.75 + 0.1
+    return np.vstack([np.rint(255 * colors), [190, 190, 190]]).astype(np.uint8)
+
+
+def save_demo(file: Any, world: World, scan: Scan, found: Detection) -> None:
+    """Map, cloud and result side by side, as a picture file."""
+    figure = new_figure(16, 5.4)
+    axes = figure.subplots(1, 3)
+    plot_world(world, axes[0])
+    plot_scan(scan, axes[1])
+    plot_detection(found, world, axes[2])
+    figure.savefig(file, dpi=130)
+
+
+def save_detection(file: Any, found: Detection) -> None:
+    """Planes in space and the view from above, as a picture file."""
+    figure = new_figure(13, 6)
+    plot_planes(found.scan, found, figure.add_subplot(1, 2, 1, projection="3d"))
+    ax = plot_detection(found, None, figure.add_subplot(1, 2, 2))
+    low, high = np.quantile(found.scan.points[found.scan.is_return, :2], [0.01, 0.99], axis=0)
+    margin = 0.05 * (high - low).max()
+    ax.set_xlim(low[0] - margin, high[0] + margin)
+    ax.set_ylim(low[1] - margin, high[1] + margin)
+    figure.savefig(file, dpi=130)
+
+
+def _thinned(rows: Any) -> Floats:
+    return rows[:: max(1, -(-len(rows) // _MOST_POINTS))]

@@ -1,0 +1,174 @@
+"""Slow NumPy twins of the Rust kernels: float64, vectorised in blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from primfit import _primfit
+
+PAIRS_AT_ONCE = 1 << 15
+
+
+class RayCaster:
+    """Every ray against every triangle (Moeller and Trumbore, 1997)."""
+
+    def __init__(self, vertices, triangles):
+        self.corners = vertices[triangles]
+
+    def __len__(self):
+        return len(self.corners)
+
+    def cast(self, origins, directions, n_jobs=None):
+        a, b, c = np.moveaxis(self.corners, 1, 0)
+        edge1, edge2 = b - a, c - a
+        ranges = np.full(len(origins), np.inf)
+        ids = np.full(len(origins), -1)
+        step = max(1, PAIRS_AT_ONCE // max(1, len(a)))
+        for i in range(0, len(origins), step):
+            o, d = origins[i : i + step, None], directions[i : i + step, None]
+            p = np.cross(d, edge2)
+            determinant = (p * edge1).sum(-1)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                t = o - a
+                u = (t * p).sum(-1) / determinant
+                q = np.cross(t, edge1)
+                v = (q * d).sum(-1) / determinant
+                depth = (q * edge2).sum(-1) / determinant
+                hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (depth >= 0)
+            depth = np.where(hit, depth, np.inf)
+            if depth.shape[1]:
+                nearest = depth.argmin(axis=1)
+                ranges[i : i + step] = depth[np.arange(len(depth)), nearest]
+                ids[i : i + step] = np.where(np.isfinite(ranges[i : i + step]), nearest, -1)
+        return ranges, ids
+
+
+def score_planes(points, equations, threshold, directions=None, msac=False, n_jobs=None):
+    scores = np.zeros(len(equations))
+    normals, offsets = equations[:, :3].T, equations[:, 3]
+    for i in range(0, len(points), 2048):
+        distance = points[i : i + 2048] @ normals + offsets
+        limit = threshold
+        if directions is not None:
+            limit = -threshold * (directions[i : i + 2048] @ normals)
+        inside = np.abs(distance) <= limit
+        if msac:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                gain = np.rint((1 - (distance / limit) ** 2) * 65536) / 65536
+            scores += np.where(inside, gain, 0.0).sum(axis=0)
+        else:
+            scores += inside.sum(axis=0)
+    return scores
+
+
+def dbscan(points, eps, min_samples):
+    """Breadth-first search, the frontier against all points left, block by block."""
+
+    def near(rows, others):
+        step = max(1, (1 << 20) // max(1, len(others)))
+        for i in range(0, len(rows), step):
+            difference = points[rows[i : i + step], None] - points[others]
+            yield i, (difference * difference).sum(-1) <= eps * eps
+
+    everything = np.arange(len(points))
+    if min_samples > 1:
+        counts = [within.sum(axis=1) for _, within in near(everything, everything)]
+        core = np.concatenate(counts) >= min_samples if counts else np.zeros(0, bool)
+    else:
+        core = np.ones(len(points), dtype=bool)
+    labels = np.full(len(points), -1)
+    left = everything[core]
+    n_clusters = 0
+    while len(left):
+        frontier, left = left[:1], left[1:]
+        labels[frontier] = n_clusters
+        while len(frontier) and len(left):
+            reached = np.zeros(len(left), dtype=bool)
+            for _, within in near(frontier, left):
+                reached |= within.any(axis=0)
+            frontier, left = left[reached], left[~reached]
+            labels[frontier] = n_clusters
+        n_clusters += 1
+    border = everything[~core]
+    cores = everything[core]
+    for i, within in near(border, cores):
+        candidates = np.where(within, labels[cores], np.iinfo(np.int64).max)
+        lowest = candidates.min(axis=1, initial=np.iinfo(np.int64).max)
+        found = lowest < np.iinfo(np.int64).max
+        labels[border[i : i + len(within)][found]] = lowest[found]
+    return labels
+
+
+def fit_plane(points, weights, normal_space):
+    total = weights.sum()
+    if not len(points) or not total > 0:
+        return None
+    mean = points[0] + weights @ (points - points[0]) / total
+    local = points - mean
+    scatter = (weights[:, None] * local).T @ local
+    values, vectors = np.linalg.eigh(normal_space @ scatter @ normal_space.T)
+    vectors = normal_space.T @ vectors
+    normal = vectors[:, 0]
+    if (values[1:] <= 1e-14 * values.max()).any():
+        return None
+    change = np.array([[0.0, 0.0, 0.0, 1.0]])
+    covariance = change.T @ change / total
+    for value, vector in zip(values[1:], vectors.T[1:], strict=True):
+        change = np.append(vector, -vector @ mean)
+        covariance += np.outer(change, change) / value
+    rms = np.sqrt(max(normal @ scatter @ normal, 0.0) / total)
+    return np.append(normal, -normal @ mean), covariance, rms
+
+
+def fit_plane_to_ranges(points, directions, sigmas, equation, normal_space):
+    origin = points[0] + (points - points[0]).mean(axis=0)
+    local = points - origin
+    equation = np.asarray(equation)
+    normal, offset = equation[:3], equation[3] + equation[:3] @ origin
+
+    def linearise(normal, offset):
+        free = normal_space - np.outer(normal_space @ normal, normal)
+        axes = np.linalg.svd(free)[2][: len(normal_space) - 1]
+        approach = directions @ normal
+        residual = (local @ normal + offset) / approach
+        crossing = local - residual[:, None] * directions
+        rows = np.column_stack([crossing @ axes.T, np.ones(len(local))])
+        rows /= (approach * sigmas)[:, None]
+        residual = residual / sigmas
+        return axes, rows, residual, residual @ residual
+
+    axes, rows, residual, cost = linearise(normal, offset)
+    share = 1.0
+    for _ in range(30):
+        step = -np.linalg.solve(rows.T @ rows, rows.T @ residual)
+        if step @ (rows.T @ rows) @ step <= 1e-9 * cost or share < 1e-3:
+            break
+        moved = normal + share * step[:-1] @ axes
+        moved /= np.linalg.norm(moved)
+        after = linearise(moved, offset + share * step[-1])
+        if after[3] < cost:
+            normal, offset = moved, offset + share * step[-1]
+            (axes, rows, residual, cost), share = after, 1.0
+        else:
+            share /= 2
+    to_equation = np.vstack([np.column_stack([axes, -axes @ origin]), [0.0, 0.0, 0.0, 1.0]]).T
+    covariance = to_equation @ np.linalg.inv(rows.T @ rows) @ to_equation.T
+    rms = np.sqrt(cost / (1 / sigmas**2).sum())
+    return np.append(normal, offset - normal @ origin), covariance, rms
+
+
+@contextmanager
+def instead_of_rust() -> Iterator[None]:
+    """Let the whole library run on the twins."""
+    twins = [RayCaster, score_planes, dbscan, fit_plane, fit_plane_to_ranges]
+    rust = {twin.__name__: getattr(_primfit, twin.__name__) for twin in twins}
+    try:
+        for twin in twins:
+            setattr(_primfit, twin.__name__, twin)
+        yield
+    finally:
+        for name, kernel in rust.items():
+            setattr(_primfit, name, kernel)

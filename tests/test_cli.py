@@ -1,0 +1,129 @@
+"""The command line, as a user types it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import primfit
+from primfit import reproduction
+
+
+def primfit_command(*words, cwd):
+    return subprocess.run(
+        [sys.executable, "-m", "primfit.cli", *map(str, words)],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        check=False,
+    )
+
+
+def test_demo(tmp_path):
+    result = primfit_command("demo", "--rng", "7", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "Ground Truth" in result.stdout
+    assert "7 of 7 right, 0 missed, 0 spurious" in result.stdout
+    assert (tmp_path / "demo.png").stat().st_size > 20_000
+    again = primfit_command("demo", "--rng", "7", "--json", cwd=tmp_path)
+    content = json.loads(again.stdout)
+    assert content["report"]["missed"] == []
+
+
+def test_scan_then_detect(tmp_path):
+    made = primfit_command(
+        "scan",
+        "scan.npz",
+        "--save-world",
+        "world.json",
+        "--rng",
+        "3",
+        "--noise",
+        "0.002",
+        cwd=tmp_path,
+    )
+    assert made.returncode == 0, made.stderr
+    world = primfit.World.load(tmp_path / "world.json")
+    found = primfit_command(
+        "detect", "scan.npz", "--world", "world.json", "--mesh", "solids.obj", "--csv", "solids.csv",
+        "--picture", "found.png", cwd=tmp_path,
+    )  # fmt: skip
+    assert found.returncode == 0, found.stderr
+    assert f"{len(world.solids)} of {len(world.solids)} right" in found.stdout
+    for name in ("solids.obj", "solids.csv", "found.png"):
+        assert (tmp_path / name).stat().st_size > 0
+    as_json = primfit_command("detect", "scan.npz", "--world", "world.json", "--json", cwd=tmp_path)
+    assert json.loads(as_json.stdout)["report"]["spurious"] == []
+    cloud = primfit_command(
+        "scan", "cloud.ply", "--world", "world.json", "--rng", "3", cwd=tmp_path
+    )
+    assert cloud.returncode == 0, cloud.stderr
+    assert len(primfit.read_points(tmp_path / "cloud.ply")) > 10_000
+
+
+def test_detect_a_cloud(tmp_path):
+    rng = np.random.default_rng(1)
+    uv = rng.uniform(size=(2, 800, 2))
+    cloud = np.concatenate([np.insert(uv[k], k, 0.0, axis=1) for k in range(2)])
+    primfit.write_points(tmp_path / "corner.xyz", cloud + 0.002 * rng.normal(size=cloud.shape))
+    result = primfit_command("detect", "corner.xyz", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "2 planes hold" in result.stdout
+    assert (tmp_path / "corner_planes.png").stat().st_size > 0
+    assert len(primfit.read_points(tmp_path / "corner_planes.ply")) == 1600
+
+
+def test_help_and_version(tmp_path):
+    assert primfit.__version__ in primfit_command("--version", cwd=tmp_path).stdout
+    result = primfit_command("--help", cwd=tmp_path)
+    for command in ("demo", "scan", "detect", "reproduce"):
+        assert command in result.stdout
+        assert "--help" in primfit_command(command, "--help", cwd=tmp_path).stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["detect", "nothing.ply"], "there is no file nothing.ply"),
+        (["detect", "empty.npz"], "empty.npz is not readable as .npz"),
+        (["detect", "nan.npy"], "nan.npy holds no finite point"),
+        (["scan", "out.npz", "--world", "empty.npz"], "empty.npz is not a world"),
+        (["scan", "out.npz", "--layers", "0"], "number_of_layers must be at least 1"),
+        (["demo", "--noise", "-1"], "noise must be at least 0"),
+    ],
+)
+def test_mistakes_are_explained_in_a_line(words, message, tmp_path):
+    (tmp_path / "empty.npz").write_bytes(b"")
+    np.save(tmp_path / "nan.npy", np.full((5, 3), np.nan))
+    result = primfit_command(*words, cwd=tmp_path)
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("number", range(len(reproduction.TABLES)))
+def test_every_table_of_the_paper(number):
+    title, cases = reproduction.TABLES[number]
+    table = reproduction.reproduce(1, rng=1, literal=number < 2, tables=[number])[0]
+    assert table.title == title
+    assert len(table.rows) == len(cases)
+    text = str(table)
+    for case, outcomes in table.rows:
+        assert case.paper in text
+        assert outcomes["ours"].n_solids >= 1
+        if case.noise == 0 and case.columns >= 16:
+            assert outcomes["ours"].n_right == outcomes["ours"].n_solids
+    json.dumps(table.to_dict())
+
+
+def test_reproduction_does_not_depend_on_where_it_runs():
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(2) as executor:
+        there = reproduction.reproduce(2, rng=5, literal=False, tables=[0], executor=executor)
+    here = reproduction.reproduce(2, rng=5, literal=False, tables=[0])
+    assert here[0].to_dict() == there[0].to_dict()

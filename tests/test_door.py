@@ -1,0 +1,152 @@
+"""What crosses from Python into Rust, and back: types, shapes, threads, interrupts."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import primfit
+from primfit import _primfit
+
+SQUARE = ([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+DOWN = [[0, 0, -1]]
+
+
+def test_the_stub_says_what_the_module_has():
+    result = subprocess.run(
+        [sys.executable, "-m", "mypy.stubtest", "primfit._primfit"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int32, ">f8", bool])
+def test_dtypes(dtype):
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 1]]).astype(dtype)
+    np.testing.assert_array_equal(primfit.dbscan(points, 1.1), [0, 0, 1])
+
+
+def test_strides_lists_and_read_only_arrays():
+    origins = np.asfortranarray([[0.2, 0.2, 1.0], [0.7, 0.3, 2.0], [5, 5, 5]])[::-1]
+    origins.setflags(write=False)
+    caster = primfit.RayCaster(SQUARE)
+    ranges, ids = caster.cast(origins, DOWN * 3)
+    np.testing.assert_array_equal(ranges, [np.inf, 2, 1])
+    np.testing.assert_array_equal(ids >= 0, [False, True, True])
+    assert ranges.dtype == np.float64
+    assert ids.dtype == np.int64
+
+
+def test_empty_arrays_keep_their_shape():
+    ranges, ids = primfit.RayCaster(SQUARE).cast(np.empty((0, 3)), np.empty((0, 3)))
+    assert ranges.shape == ids.shape == (0,)
+    assert primfit.dbscan(np.empty((0, 3)), 1.0).shape == (0,)
+    assert _primfit.score_planes(np.empty((0, 3)), np.empty((0, 4)), 1.0).shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: primfit.RayCaster(SQUARE).cast([[0, 0]], DOWN),
+            r"origins must have shape \(n, 3\)",
+        ),
+        (
+            lambda: primfit.RayCaster(SQUARE).cast([[0, 0, 0]] * 2, DOWN),
+            "directions must have as many",
+        ),
+        (lambda: primfit.RayCaster(SQUARE).cast([[0, 0, np.nan]], DOWN), "origins must be finite"),
+        (
+            lambda: primfit.RayCaster(SQUARE).cast([[0, 0, 0]], [[0, 0, 0]]),
+            "directions must not be zero",
+        ),
+        (
+            lambda: primfit.RayCaster(SQUARE).cast([[0, 0, 0]], DOWN, n_jobs=0),
+            "n_jobs must be at least 1",
+        ),
+        (lambda: primfit.RayCaster((SQUARE[0], [[0, 1, 4]])), "triangle 0 names vertex 4"),
+        (lambda: primfit.RayCaster((SQUARE[0], [[0, 1, -1]])), "triangle 0 names vertex"),
+        (lambda: primfit.RayCaster((SQUARE[0], [[0, 1]])), r"triangles must have shape \(t, 3\)"),
+        (lambda: primfit.RayCaster(([[0, 0, np.inf]] * 3, [[0, 1, 2]])), "vertices must be finite"),
+        (lambda: primfit.dbscan([[0, 0, np.nan]], 1.0), "points must be finite, but 1 of 1"),
+        (lambda: primfit.dbscan([1, 2, 3], 1.0), "points must have shape"),
+        (lambda: primfit.dbscan(np.zeros((3, 3)), 0.0), "eps must be greater than 0"),
+        (lambda: primfit.dbscan(np.zeros((3, 3)), np.nan), "eps must be finite"),
+        (lambda: primfit.dbscan(np.zeros((3, 3)), 1.0, 0), "min_samples must be at least 1"),
+        (
+            lambda: primfit.dbscan([[0, 0, 0], [1e9, 0, 0]], 1e-9),
+            "eps=1e-09 m is below the rounding",
+        ),
+        (lambda: _primfit.dbscan(np.zeros((3, 2)), 1.0, 1), r"points must have shape \(n, 3\)"),
+        (lambda: _primfit.dbscan(np.zeros((3, 6))[:, ::2], 1.0, 1), "points must be C-contiguous"),
+    ],
+)
+def test_bad_values_are_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: primfit.RayCaster("mesh"), "mesh_or_world must be a World or a pair"),
+        (lambda: primfit.RayCaster((SQUARE[0], [[0.0, 1.0, 2.0]])), "triangles must be integers"),
+        (lambda: primfit.dbscan([["a", "b", "c"]], 1.0), "points must be an array of numbers"),
+        (lambda: primfit.dbscan(np.zeros((3, 3)), "wide"), "eps must be a number"),
+        (lambda: primfit.dbscan(np.zeros((3, 3)), 1.0, 1.5), "min_samples must be an integer"),
+        (lambda: _primfit.dbscan(np.zeros((3, 3), np.float32), 1.0, 1), "points"),
+    ],
+)
+def test_wrong_types_are_named(call, message):
+    with pytest.raises(TypeError, match=message):
+        call()
+
+
+def slow_call():
+    rng = np.random.default_rng(1)
+    points, equations = rng.uniform(size=(200_000, 3)), rng.normal(size=(200_000, 4))
+    _primfit.score_planes(points, equations, 1e-3, None, True)
+
+
+def test_other_threads_run_meanwhile():
+    """The GIL is released: a thread counts while another one computes."""
+    ticks, done = [], threading.Event()
+
+    def count():
+        while not done.is_set():
+            ticks.append(time.perf_counter())
+            time.sleep(0.001)
+
+    counter = threading.Thread(target=count)
+    rng = np.random.default_rng(1)
+    points, equations = rng.uniform(size=(100_000, 3)), rng.normal(size=(5000, 4))
+    counter.start()
+    start = time.perf_counter()
+    _primfit.score_planes(points, equations, 1e-3, None, True)
+    stop = time.perf_counter()
+    done.set()
+    counter.join()
+    assert sum(start < tick < stop for tick in ticks) >= 3
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_ctrl_c_stops_a_long_call():
+    timer = threading.Timer(0.3, signal.raise_signal, [signal.SIGINT])
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        slow_call()
+    timer.join()
+
+
+def test_results_are_immutable(scan, found):
+    for array in (scan.points, scan.ranges, found.labels, found.planes[0].inliers):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0

@@ -1,0 +1,226 @@
+"""Evaluation, exports, files, pictures."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import primfit
+from primfit import plotting
+from primfit.detection import FoundSolid
+
+
+def as_found(world, found, changes=()):
+    """A detection that holds the truth, but for some changes {row: fields}."""
+    solids = []
+    for i, solid in enumerate(world.solids):
+        perfect = FoundSolid(
+            kind=solid.kind,
+            footprint=solid.footprint,
+            base=0.0,
+            top=solid.height,
+            angle=solid.angle,
+            size=solid.size,
+            covariance=np.eye(4),
+            planes=(),
+            observed=(),
+        )
+        change = dict(changes).get(i, {})
+        if change is not None:
+            solids.append(replace(perfect, **change))
+    return replace(found, solids=tuple(solids))
+
+
+class TestEvaluation:
+    def test_truth_scores_zero(self, world, found):
+        report = primfit.evaluate(as_found(world, found), world)
+        assert report.all_right
+        for row in report.rows:
+            assert row.center_error_mm == row.angle_error_deg == row.size_error_mm == 0.0
+
+    def test_missed_and_spurious(self, world, found):
+        moved = world.solids[1].footprint + 0.15
+        report = primfit.evaluate(as_found(world, found, {0: None, 1: {"footprint": moved}}), world)
+        assert report.missed == (0, 1)
+        assert report.spurious == (0,)
+        assert not report.all_right
+        assert report.n_right == len(world.solids) - 2
+
+    def test_errors_are_in_their_units(self, world, found):
+        solid = world.solids[0]
+        report = primfit.evaluate(
+            as_found(world, found, {0: {"footprint": solid.footprint + np.array([0.003, 0.004])}}),
+            world,
+        )
+        assert report.rows[0].center_error_mm == pytest.approx(5.0)
+
+    @pytest.mark.parametrize(
+        ("kind", "period"),
+        [("triangle", 120), ("square", 90), ("pentagon", 72), ("rectangle", 180)],
+    )
+    def test_angles_are_compared_on_the_circle(self, found, kind, period):
+        world = primfit.random_world(1, 1.0, [kind], rng=1)
+        angle = world.solids[0].angle
+        for turn, expected in [
+            (1.0, 1.0),
+            (-1.0, 1.0),
+            (period - 1.0, 1.0),
+            (period / 2, period / 2),
+        ]:
+            turned = {0: {"angle": angle + np.radians(turn)}}
+            row = primfit.evaluate(as_found(world, found, turned), world).rows[0]
+            assert row.angle_error_deg == pytest.approx(expected)
+
+    def test_without_a_kind_in_common_outlines_are_laid_over_each_other(self, found):
+        world = primfit.random_world(1, 1.0, ["square"], rng=1)
+        solid = world.solids[0]
+        turned = primfit.Prism.regular(
+            4, solid.size, center=solid.center[:2], angle=solid.angle + 0.1
+        )
+        change = {0: {"kind": "polygon", "footprint": turned.footprint}}
+        row = primfit.evaluate(as_found(world, found, change), world).rows[0]
+        assert row.angle_error_deg == pytest.approx(np.degrees(0.1))
+        assert np.isnan(row.size_error_mm)
+        fewer = {0: {"kind": "polygon", "footprint": turned.footprint[:3]}}
+        assert np.isnan(
+            primfit.evaluate(as_found(world, found, fewer), world).rows[0].angle_error_deg
+        )
+
+    def test_matching_is_one_to_one(self, world, found):
+        doubled = as_found(world, found)
+        doubled = replace(doubled, solids=doubled.solids + doubled.solids[:1])
+        report = primfit.evaluate(doubled, world)
+        assert len(report.spurious) == 1
+        assert not report.missed
+
+    def test_tables(self, world, found):
+        report = primfit.evaluate(found, world)
+        text = str(report)
+        assert text.splitlines()[0].split() == [
+            "Ground",
+            "Truth",
+            "Detected",
+            "Center",
+            "Error",
+            "(mm)",
+            "Angle",
+            "Error",
+            "(deg)",
+            "Size",
+            "Error",
+            "(mm)",
+        ]
+        assert f"{len(world.solids)} of {len(world.solids)} right" in text
+        frame = report.to_frame()
+        assert list(frame["truth"]) == [solid.kind for solid in world.solids]
+        assert json.loads(report.to_json())["missed"] == []
+        empty = primfit.evaluate(replace(found, solids=()), world)
+        assert json.loads(empty.to_json())["rows"][0]["center_error_mm"] is None
+        assert "missed" in str(empty)
+        nothing = primfit.evaluate(found, primfit.World())
+        assert len(nothing.spurious) == len(found.solids)
+
+
+class TestExports:
+    def test_json(self, found, tmp_path):
+        content = json.loads(found.to_json(tmp_path / "found.json"))
+        assert json.loads((tmp_path / "found.json").read_text()) == content
+        assert len(content["solids"]) == len(found.solids)
+        assert content["solids"][0]["sigmas"]["center_x"] > 0
+
+    def test_json_of_the_papers_own_rules(self, small_scan):
+        literal = primfit.PaperSettings.literal(threshold=0.01)
+        content = json.loads(primfit.detect(small_scan, rng=1, settings=literal).to_json())
+        assert content["floor"] is None
+
+    def test_csv(self, found, tmp_path):
+        found.to_csv(tmp_path / "found.csv")
+        with open(tmp_path / "found.csv") as stream:
+            rows = list(csv.DictReader(stream))
+        assert [row["kind"] for row in rows] == [solid.kind for solid in found.solids]
+        assert float(rows[0]["x_m"]) == found.solids[0].center[0]
+
+    @pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl"])
+    def test_mesh(self, found, tmp_path, suffix):
+        import trimesh
+
+        found.save_mesh(tmp_path / f"found{suffix}")
+        mesh = trimesh.load_mesh(tmp_path / f"found{suffix}")
+        mesh.merge_vertices()
+        assert mesh.is_watertight
+        vertices, triangles, index = found.to_mesh()
+        assert len(mesh.faces) == len(triangles) == len(index)
+        assert triangles.max() < len(vertices)
+
+    def test_bad_mesh_format(self, found, tmp_path):
+        with pytest.raises(ValueError, match=r"file must end in \.ply, \.obj or \.stl"):
+            found.save_mesh(tmp_path / "found.fbx")
+
+
+class TestFiles:
+    @pytest.mark.parametrize(
+        "suffix", [".ply", ".pcd", ".las", ".laz", ".xyz", ".txt", ".pts", ".npy", ".npz"]
+    )
+    @pytest.mark.parametrize("colored", [False, True])
+    def test_round_trip(self, suffix, colored, tmp_path):
+        points = np.random.default_rng(1).uniform(-5, 5, (100, 3))
+        colors = np.random.default_rng(2).integers(0, 256, (100, 3)) if colored else None
+        file = tmp_path / f"cloud{suffix}"
+        primfit.write_points(file, points, colors=colors)
+        tolerance = {".las": 6e-5, ".laz": 6e-5, ".ply": 1e-6}.get(suffix, 0.0)
+        np.testing.assert_allclose(primfit.read_points(file), points, rtol=0, atol=tolerance)
+
+    def test_columns_beyond_the_third_and_counts_are_left_out(self, tmp_path):
+        file = tmp_path / "cloud.pts"
+        file.write_text("2\n1 2 3 0.5\n4 5 6 0.5\n")
+        np.testing.assert_array_equal(primfit.read_points(file), [[1, 2, 3], [4, 5, 6]])
+        file.write_text("1,2,3\n4,5,6\n")
+        np.testing.assert_array_equal(primfit.read_points(file), [[1, 2, 3], [4, 5, 6]])
+
+    @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".las", ".laz", ".xyz", ".npy", ".npz"])
+    def test_foreign_files(self, suffix, tmp_path):
+        file = tmp_path / f"cloud{suffix}"
+        file.write_bytes(b"\x00garbage\xff\n" * 5)
+        with pytest.raises(ValueError, match=f"is not readable as {suffix}"):
+            primfit.read_points(file)
+
+    def test_unknown_and_missing_files(self, tmp_path):
+        with pytest.raises(FileNotFoundError, match="there is no file"):
+            primfit.read_points(tmp_path / "nothing.ply")
+        (tmp_path / "cloud.doc").write_text("")
+        with pytest.raises(ValueError, match="file must end in one of"):
+            primfit.read_points(tmp_path / "cloud.doc")
+        with pytest.raises(ValueError, match="file must end in one of"):
+            primfit.write_points(tmp_path / "cloud.doc", np.zeros((1, 3)))
+        with pytest.raises(ValueError, match="colors must have shape"):
+            primfit.write_points(tmp_path / "cloud.ply", np.zeros((1, 3)), colors=np.zeros((2, 3)))
+
+
+class TestPictures:
+    def test_all_plots_draw_without_a_display(self, world, scan, found, tmp_path):
+        figure = plotting.new_figure(4, 4)
+        for plot in (world.plot, scan.plot, found.plot):
+            ax = plot(ax=figure.add_subplot())
+            assert ax.get_xlabel() == "x [m]"
+            figure.clear()
+        plotting.save_demo(tmp_path / "demo.png", world, scan, found)
+        plotting.save_detection(tmp_path / "planes.png", found)
+        for name in ("demo.png", "planes.png"):
+            assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+
+    def test_plots_make_their_own_axes(self, world):
+        import matplotlib as mpl
+        import matplotlib.pyplot as plt
+
+        mpl.use("Agg")
+        assert world.plot().get_title() == "map"
+        plt.close("all")
+
+    def test_neighbouring_colors_differ(self):
+        colors = plotting.plane_colors(40).astype(int)
+        assert colors.shape == (41, 3)
+        assert np.abs(np.diff(colors[:-1], axis=0)).sum(axis=1).min() > 60
