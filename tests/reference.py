@@ -57,7 +57,7 @@ def score_planes(points, equations, threshold, directions=None, msac=False, n_jo
         inside = np.abs(distance) <= limit
         if msac:
             with np.errstate(divide="ignore", invalid="ignore"):
-                gain = np.rint((1 - (distance / limit) ** 2) * 65536) / 65536
+                gain = np.rint((1 - (distance / limit) ** 2) * 32768) / 32768
             scores += np.where(inside, gain, 0.0).sum(axis=0)
         else:
             scores += inside.sum(axis=0)
@@ -119,7 +119,7 @@ def fit_plane(points, weights, normal_space):
     for value, vector in zip(values[1:], vectors.T[1:], strict=True):
         change = np.append(vector, -vector @ mean)
         covariance += np.outer(change, change) / value
-    rms = np.sqrt(max(normal @ scatter @ normal, 0.0) / total)
+    rms = np.sqrt(weights @ (local @ normal) ** 2 / total)
     return np.append(normal, -normal @ mean), covariance, rms
 
 

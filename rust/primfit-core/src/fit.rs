@@ -55,7 +55,12 @@ pub fn fit_plane(points: &[Vector], weights: &[f64], normal_space: &[Vector]) ->
         let change = Vector4::new(turn.x, turn.y, turn.z, -turn.dot(&mean));
         covariance += change * change.transpose() / information;
     }
-    let squares = (normal.transpose() * scatter * normal)[0].max(0.0);
+    // From the points, not from the scatter, whose rounding would show as a residual.
+    let squares: f64 = points
+        .iter()
+        .zip(weights)
+        .map(|(point, weight)| weight * normal.dot(&(Vector3::from(*point) - mean)).powi(2))
+        .sum();
     Some(PlaneFit {
         equation: [normal.x, normal.y, normal.z, -normal.dot(&mean)],
         covariance: rows(&covariance),

@@ -3,19 +3,17 @@
 use crate::{Error, Vector, Workers};
 use rayon::prelude::*;
 
-/// Points that stay in the first-level cache while every hypothesis passes over them.
+/// Points that stay in the first-level cache while several hypotheses pass over them.
 const BLOCK: usize = 1024;
 /// Hypotheses between two questions to the caller.
 const CHUNK: usize = 256;
 /// Hypotheses that one task scores.
 const TASK: usize = 16;
-/// Sums side by side, as many as the widest registers hold.
-const LANES: usize = 8;
-/// What a perfect inlier adds to an MSAC score. Scores are sums of whole numbers, which float64
-/// holds exactly, so that their order does not matter.
-const WHOLE: f64 = 65536.0;
-/// Adding and subtracting it rounds a small number to a whole one.
-const ROUND: f64 = 6_755_399_441_055_744.0;
+/// What a perfect inlier adds to an MSAC score. Scores are sums of whole numbers, so that their
+/// order does not matter; a block of them fits 32 bits.
+const WHOLE: u16 = 1 << 15;
+/// Threshold over extent from which float32 tells inliers well enough to rank hypotheses.
+const SINGLE_PRECISION: f64 = 1e-5;
 
 /// What supports a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,36 +21,17 @@ pub enum Score {
     /// Each inlier counts one.
     Count,
     /// Each inlier counts one less the square of its distance over the threshold
-    /// (Torr and Zisserman: MLESAC, CVIU 78, 2000), to a resolution of 2^-16.
+    /// (Torr and Zisserman: MLESAC, CVIU 78, 2000), to a resolution of 2^-15.
     Msac,
-}
-
-/// Points by coordinate, in blocks; a block is `ROWS` runs of `BLOCK` numbers.
-struct Blocks<const ROWS: usize>(Vec<[[f64; BLOCK]; ROWS]>);
-
-impl<const ROWS: usize> Blocks<ROWS> {
-    /// The last block is filled up with NaN, which no threshold admits.
-    fn new<const SETS: usize>(sets: [&[Vector]; SETS]) -> Self {
-        let n_points = sets[0].len();
-        let mut blocks = vec![[[f64::NAN; BLOCK]; ROWS]; n_points.div_ceil(BLOCK)];
-        for (set, vectors) in sets.into_iter().enumerate() {
-            for (block, vectors) in blocks.iter_mut().zip(vectors.chunks(BLOCK)) {
-                for (i, vector) in vectors.iter().enumerate() {
-                    for k in 0..3 {
-                        block[3 * set + k][i] = vector[k];
-                    }
-                }
-            }
-        }
-        Self(blocks)
-    }
 }
 
 /// The support of each plane `[a, b, c, d]` by the points within `threshold` of it.
 ///
-/// The distance is perpendicular; with `directions`, the unit direction of each point's beam, it
-/// is taken along the beam, and planes that the beam meets from behind are passed over. Normals
-/// must have unit length. No product is fused with a sum, so every instruction set scores alike.
+/// The distance is perpendicular; with `directions`, the direction of each point's beam, it is
+/// taken along the beam in lengths of the direction, and planes that the beam meets from behind
+/// are passed over. Normals must have unit length. A generous threshold is tested in float32,
+/// about the middle of the points. No product is fused with a sum, so that every instruction set
+/// scores alike.
 ///
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
@@ -64,64 +43,49 @@ pub fn score_planes(
     score: Score,
     workers: &Workers,
 ) -> Result<Vec<f64>, Error> {
-    match (directions, score) {
-        (None, Score::Count) => {
-            over(&Blocks::<3>::new([points]), equations, threshold, workers, near_count)
-        }
-        (None, Score::Msac) => {
-            over(&Blocks::<3>::new([points]), equations, threshold, workers, near_msac)
-        }
-        (Some(directions), Score::Count) => over(
-            &Blocks::<6>::new([points, directions]),
-            equations,
-            threshold,
-            workers,
-            front_count,
-        ),
-        (Some(directions), Score::Msac) => {
-            over(&Blocks::<6>::new([points, directions]), equations, threshold, workers, front_msac)
-        }
-    }
+    let (center, extent) = bounds(points);
+    let reach = directions.map_or(threshold, |directions| threshold * bounds(directions).1);
+    let unit = match score {
+        Score::Count => 1.0,
+        Score::Msac => f64::from(WHOLE),
+    };
+    let scores = if reach >= SINGLE_PRECISION * extent {
+        single::score(points, directions, equations, threshold, score, center, workers)?
+    } else {
+        double::score(points, directions, equations, threshold, score, center, workers)?
+    };
+    Ok(scores.into_iter().map(|sum| sum as f64 / unit).collect())
 }
 
-fn over<const ROWS: usize>(
-    blocks: &Blocks<ROWS>,
-    equations: &[[f64; 4]],
-    threshold: f64,
-    workers: &Workers,
-    kernel: impl Fn(&[[f64; BLOCK]; ROWS], &[f64; 4], f64) -> f64 + Sync,
-) -> Result<Vec<f64>, Error> {
-    let mut scores = vec![0.0; equations.len()];
-    for (scores, equations) in scores.chunks_mut(CHUNK).zip(equations.chunks(CHUNK)) {
-        workers.check()?;
-        workers.install(|| {
-            scores.par_chunks_mut(TASK).zip(equations.par_chunks(TASK)).for_each(
-                |(scores, equations)| {
-                    for block in &blocks.0 {
-                        for (score, equation) in scores.iter_mut().zip(equations) {
-                            *score += kernel(block, equation, threshold);
-                        }
-                    }
-                },
-            );
-        });
+/// Middle and largest half extent of vectors.
+fn bounds(vectors: &[Vector]) -> (Vector, f64) {
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for vector in vectors {
+        for k in 0..3 {
+            low[k] = low[k].min(vector[k]);
+            high[k] = high[k].max(vector[k]);
+        }
     }
-    Ok(scores)
+    if vectors.is_empty() {
+        return ([0.0; 3], 0.0);
+    }
+    let half = (0..3).map(|k| (high[k] - low[k]) / 2.0).fold(0.0, f64::max);
+    (std::array::from_fn(|k| f64::midpoint(low[k], high[k])), half)
 }
 
 /// Compiles a kernel once for each instruction set, and chooses when it is called.
 macro_rules! for_each_instruction_set {
-    ($name:ident, $body:ident, $rows:literal) => {
-        fn $name(block: &[[f64; BLOCK]; $rows], plane: &[f64; 4], threshold: f64) -> f64 {
+    ($name:ident, $body:ident, $rows:literal, $float:ident, $bits:ident) => {
+        fn $name(block: &Block<$rows>, plane: &Plane, threshold: $float) -> $bits {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx512f,avx512vl,avx512dq")]
-                fn avx512(block: &[[f64; BLOCK]; $rows], plane: &[f64; 4], t: f64) -> f64 {
-                    $body(block, plane, t)
+                fn avx512(block: &Block<$rows>, plane: &Plane, threshold: $float) -> $bits {
+                    $body(block, plane, threshold)
                 }
                 #[target_feature(enable = "avx2")]
-                fn avx2(block: &[[f64; BLOCK]; $rows], plane: &[f64; 4], t: f64) -> f64 {
-                    $body(block, plane, t)
+                fn avx2(block: &Block<$rows>, plane: &Plane, threshold: $float) -> $bits {
+                    $body(block, plane, threshold)
                 }
                 if is_x86_feature_detected!("avx512f")
                     && is_x86_feature_detected!("avx512vl")
@@ -140,72 +104,165 @@ macro_rules! for_each_instruction_set {
     };
 }
 
-for_each_instruction_set!(near_count, near_count_body, 3);
-for_each_instruction_set!(near_msac, near_msac_body, 3);
-for_each_instruction_set!(front_count, front_count_body, 6);
-for_each_instruction_set!(front_msac, front_msac_body, 6);
+/// The scorer for one float type.
+macro_rules! scorer {
+    ($module:ident, $float:ident, $bits:ident, $round:literal) => {
+        mod $module {
+            use super::{
+                BLOCK, CHUNK, Error, ParallelIterator, Score, TASK, Vector, WHOLE, Workers,
+            };
+            use rayon::prelude::{IndexedParallelIterator, ParallelSlice, ParallelSliceMut};
 
-/// Sums what `term` gives for every point of a block, `LANES` sums side by side.
-// A plain function would not be compiled for the instruction set of its caller.
-#[allow(clippy::inline_always)]
-#[inline(always)]
-fn sum_block(term: impl Fn(usize) -> f64) -> f64 {
-    let mut sums = [0.0; LANES];
-    for first in (0..BLOCK).step_by(LANES) {
-        for (lane, sum) in sums.iter_mut().enumerate() {
-            *sum += term(first + lane);
+            /// Adding it to a small number leaves the rounded number in the lowest bits.
+            const ROUND: $float = $round;
+
+            type Plane = [$float; 4];
+            /// Points by coordinate, then their directions if any.
+            type Block<const ROWS: usize> = [[$float; BLOCK]; ROWS];
+
+            pub fn score(
+                points: &[Vector],
+                directions: Option<&[Vector]>,
+                equations: &[[f64; 4]],
+                threshold: f64,
+                score: Score,
+                center: Vector,
+                workers: &Workers,
+            ) -> Result<Vec<u64>, Error> {
+                let planes: Vec<Plane> = equations
+                    .iter()
+                    .map(|&[a, b, c, d]| {
+                        let offset = a * center[0] + b * center[1] + c * center[2] + d;
+                        [a, b, c, offset].map(|value| value as $float)
+                    })
+                    .collect();
+                let t = threshold as $float;
+                let Some(directions) = directions else {
+                    let blocks = blocks::<3>(points, &[], center);
+                    return match score {
+                        Score::Count => over(&blocks, &planes, t, workers, near_count),
+                        Score::Msac => over(&blocks, &planes, t, workers, near_msac),
+                    };
+                };
+                let blocks = blocks::<6>(points, directions, center);
+                match score {
+                    Score::Count => over(&blocks, &planes, t, workers, front_count),
+                    Score::Msac => over(&blocks, &planes, t, workers, front_msac),
+                }
+            }
+
+            /// The last block is filled up with NaN, which no threshold admits.
+            fn blocks<const ROWS: usize>(
+                points: &[Vector],
+                directions: &[Vector],
+                center: Vector,
+            ) -> Vec<Block<ROWS>> {
+                let mut blocks = vec![[[$float::NAN; BLOCK]; ROWS]; points.len().div_ceil(BLOCK)];
+                for (i, point) in points.iter().enumerate() {
+                    for k in 0..3 {
+                        blocks[i / BLOCK][k][i % BLOCK] = (point[k] - center[k]) as $float;
+                    }
+                }
+                for (i, direction) in directions.iter().enumerate() {
+                    for k in 0..3 {
+                        blocks[i / BLOCK][3 + k][i % BLOCK] = direction[k] as $float;
+                    }
+                }
+                blocks
+            }
+
+            fn over<const ROWS: usize>(
+                blocks: &[Block<ROWS>],
+                planes: &[Plane],
+                threshold: $float,
+                workers: &Workers,
+                kernel: impl Fn(&Block<ROWS>, &Plane, $float) -> $bits + Sync,
+            ) -> Result<Vec<u64>, Error> {
+                let mut scores = vec![0; planes.len()];
+                for (scores, planes) in scores.chunks_mut(CHUNK).zip(planes.chunks(CHUNK)) {
+                    workers.check()?;
+                    workers.install(|| {
+                        scores.par_chunks_mut(TASK).zip(planes.par_chunks(TASK)).for_each(
+                            |(scores, planes)| {
+                                for block in blocks {
+                                    for (score, plane) in scores.iter_mut().zip(planes) {
+                                        *score += u64::from(kernel(block, plane, threshold));
+                                    }
+                                }
+                            },
+                        );
+                    });
+                }
+                Ok(scores)
+            }
+
+            for_each_instruction_set!(near_count, near_count_body, 3, $float, $bits);
+            for_each_instruction_set!(near_msac, near_msac_body, 3, $float, $bits);
+            for_each_instruction_set!(front_count, front_count_body, 6, $float, $bits);
+            for_each_instruction_set!(front_msac, front_msac_body, 6, $float, $bits);
+
+            // Plain functions would not be compiled for the instruction set of their caller.
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn near_count_body(block: &Block<3>, [a, b, c, d]: &Plane, threshold: $float) -> $bits {
+                let [x, y, z] = block;
+                (0..BLOCK)
+                    .map(|i| {
+                        let distance = a * x[i] + b * y[i] + c * z[i] + d;
+                        $bits::from(distance.abs() <= threshold)
+                    })
+                    .sum()
+            }
+
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn near_msac_body(block: &Block<3>, [a, b, c, d]: &Plane, threshold: $float) -> $bits {
+                let [x, y, z] = block;
+                (0..BLOCK).map(|i| msac(a * x[i] + b * y[i] + c * z[i] + d, threshold)).sum()
+            }
+
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn front_count_body(
+                block: &Block<6>,
+                [a, b, c, d]: &Plane,
+                threshold: $float,
+            ) -> $bits {
+                let [x, y, z, ux, uy, uz] = block;
+                (0..BLOCK)
+                    .map(|i| {
+                        let distance = a * x[i] + b * y[i] + c * z[i] + d;
+                        let approach = -(a * ux[i] + b * uy[i] + c * uz[i]);
+                        // From behind the approach is negative, and no distance is below that.
+                        $bits::from(distance.abs() <= threshold * approach)
+                    })
+                    .sum()
+            }
+
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn front_msac_body(block: &Block<6>, [a, b, c, d]: &Plane, threshold: $float) -> $bits {
+                let [x, y, z, ux, uy, uz] = block;
+                (0..BLOCK)
+                    .map(|i| {
+                        let distance = a * x[i] + b * y[i] + c * z[i] + d;
+                        let approach = -(a * ux[i] + b * uy[i] + c * uz[i]);
+                        msac(distance, threshold * approach)
+                    })
+                    .sum()
+            }
+
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn msac(distance: $float, limit: $float) -> $bits {
+                let ratio = distance / limit;
+                let gain = (1.0 - ratio * ratio) * $float::from(WHOLE) + ROUND;
+                let whole = gain.to_bits().wrapping_sub(ROUND.to_bits());
+                if distance.abs() <= limit { whole } else { 0 }
+            }
         }
-    }
-    sums.iter().sum()
+    };
 }
 
-#[allow(clippy::inline_always)]
-#[inline(always)]
-fn near_count_body(block: &[[f64; BLOCK]; 3], [a, b, c, d]: &[f64; 4], threshold: f64) -> f64 {
-    let [x, y, z] = block;
-    sum_block(|i| {
-        let distance = a * x[i] + b * y[i] + c * z[i] + d;
-        if distance.abs() <= threshold { 1.0 } else { 0.0 }
-    })
-}
-
-#[allow(clippy::inline_always)]
-#[inline(always)]
-fn near_msac_body(block: &[[f64; BLOCK]; 3], [a, b, c, d]: &[f64; 4], threshold: f64) -> f64 {
-    let [x, y, z] = block;
-    sum_block(|i| {
-        let distance = a * x[i] + b * y[i] + c * z[i] + d;
-        msac(distance, threshold)
-    })
-}
-
-#[allow(clippy::inline_always)]
-#[inline(always)]
-fn front_count_body(block: &[[f64; BLOCK]; 6], [a, b, c, d]: &[f64; 4], threshold: f64) -> f64 {
-    let [x, y, z, ux, uy, uz] = block;
-    sum_block(|i| {
-        let distance = a * x[i] + b * y[i] + c * z[i] + d;
-        let approach = -(a * ux[i] + b * uy[i] + c * uz[i]);
-        // A beam from behind has a negative approach, and no distance is below that.
-        if distance.abs() <= threshold * approach { 1.0 } else { 0.0 }
-    })
-}
-
-#[allow(clippy::inline_always)]
-#[inline(always)]
-fn front_msac_body(block: &[[f64; BLOCK]; 6], [a, b, c, d]: &[f64; 4], threshold: f64) -> f64 {
-    let [x, y, z, ux, uy, uz] = block;
-    sum_block(|i| {
-        let distance = a * x[i] + b * y[i] + c * z[i] + d;
-        let approach = -(a * ux[i] + b * uy[i] + c * uz[i]);
-        msac(distance, threshold * approach)
-    })
-}
-
-#[allow(clippy::inline_always)]
-#[inline(always)]
-fn msac(distance: f64, limit: f64) -> f64 {
-    let ratio = distance / limit;
-    let gain = (1.0 - ratio * ratio) * WHOLE;
-    if distance.abs() <= limit { (gain + ROUND - ROUND) / WHOLE } else { 0.0 }
-}
+scorer!(single, f32, u32, 12_582_912.0);
+scorer!(double, f64, u64, 6_755_399_441_055_744.0);
