@@ -166,8 +166,8 @@ def detect_planes(
     >>> import numpy as np, primfit
     >>> xy = np.random.default_rng(1).uniform(size=(500, 2))
     >>> planes = primfit.detect_planes(np.column_stack([xy, np.ones(500)]), rng=1)
-    >>> len(planes), round(abs(planes[0].equation[2]), 9)
-    (1, 1.0)
+    >>> len(planes), abs(planes[0].equation[2]) > 0.999999
+    (1, True)
     """
     scan = points if isinstance(points, Scan) else Scan.from_points(points, origins, sigma)
     wanted = Orientation.of(orientation, max_angle)

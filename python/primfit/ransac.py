@@ -17,6 +17,9 @@ _Z = np.array([0.0, 0.0, 1.0])
 _MAX_REFITS = 12
 """Refits after which a plane is taken as it is; two or three are usual."""
 
+_GRAZING = 0.1
+"""Sine of the angle between beam and plane below which a beam counts as along the plane."""
+
 _HYPOTHESES_AT_ONCE = 128
 _LOCAL_LUCK = 0.3
 """Chance, assumed low, that the neighbours of a point on a plane are on it too."""
@@ -220,10 +223,15 @@ def best_hypothesis(
 def fit(cloud: Cloud, equation: Floats, orientation: Orientation) -> PlaneModel | None:
     """Least-squares plane of a cloud: along the beams where they are known, else perpendicular.
 
-    It starts from `equation` and keeps its side. None when the points do not tell a plane, or
-    tell one that `orientation` does not admit.
+    It starts from `equation` and keeps its side. Beams nearly along the plane are left out when
+    they are the lesser part: they would weigh most, and are often those of a neighbour. None when
+    the points do not tell a plane, or tell one that `orientation` does not admit.
     """
     space = orientation.normal_space
+    if cloud.directions is not None:
+        steep = np.abs(cloud.directions @ equation[:3]) > _GRAZING
+        if 2 * steep.sum() > len(cloud):
+            cloud = cloud.take(steep)
     if cloud.directions is None:
         fitted = _primfit.fit_plane(cloud.points, 1.0 / cloud.sigma**2, space)
     else:

@@ -63,7 +63,15 @@ class Case:
     columns: int = 100
 
 
-_HALF_METRE: dict[str, Any] = {"kinds": ("square",), "size": 1.5, "sides": (0.5, 0.5)}
+def _noisy(noise: float, paper: str) -> tuple[Case, ...]:
+    """The paper's square, what it did not try, and a square of the size that it may have had."""
+    others = (
+        Case(kind, "not tried", (kind,), noise=noise)
+        for kind in ("triangle", "rectangle", "pentagon")
+    )
+    large = Case("square of 0.5 m", "size not given", ("square",), (1, 1), 1.5, (0.5, 0.5), noise)
+    return (Case("square", paper, ("square",), noise=noise), *others, large)
+
 
 TABLES: tuple[tuple[str, tuple[Case, ...]], ...] = (
     ("Table 1: square", (Case("square", "right, 4.54 mm, 0.94 deg", ("square",)),)),
@@ -86,34 +94,10 @@ TABLES: tuple[tuple[str, tuple[Case, ...]], ...] = (
             ),
         ),
     ),
-    (
-        "Table 7: noise 0.01",
-        (
-            Case("square", "right, 3.06 mm, 0.21 deg", ("square",), noise=0.01),
-            Case("square of 0.5 m", "size not given", noise=0.01, **_HALF_METRE),
-        ),
-    ),
-    (
-        "Table 8: noise 0.025",
-        (
-            Case("square", "right, 7.48 mm, 0.30 deg", ("square",), noise=0.025),
-            Case("square of 0.5 m", "size not given", noise=0.025, **_HALF_METRE),
-        ),
-    ),
-    (
-        "Table 9: noise 0.05",
-        (
-            Case("square", "right, 4.67 mm, 0.33 deg, 16 planes for 8", ("square",), noise=0.05),
-            Case("square of 0.5 m", "size not given", noise=0.05, **_HALF_METRE),
-        ),
-    ),
-    (
-        "Noise 0.06 (text)",
-        (
-            Case("square", "no centre found", ("square",), noise=0.06),
-            Case("square of 0.5 m", "size not given", noise=0.06, **_HALF_METRE),
-        ),
-    ),
+    ("Table 7: noise 0.01", _noisy(0.01, "right, 3.06 mm, 0.21 deg")),
+    ("Table 8: noise 0.025", _noisy(0.025, "right, 7.48 mm, 0.30 deg")),
+    ("Table 9: noise 0.05", _noisy(0.05, "right, 4.67 mm, 0.33 deg, 16 planes for 8")),
+    ("Noise 0.06 (text)", _noisy(0.06, "no centre found")),
     (
         "Horizontal resolution (text)",
         tuple(Case(f"square, {n} columns", "works", ("square",), columns=n) for n in _COLUMNS),
@@ -126,6 +110,7 @@ class Outcome:
     """What one method made of one case, over all its worlds."""
 
     n_worlds: int
+    n_worlds_right: int
     n_solids: int
     n_right: int
     n_spurious: int
@@ -141,6 +126,7 @@ class Outcome:
         rows = [row for _, report in reports for row in report.rows]
         return cls(
             n_worlds=len(reports),
+            n_worlds_right=sum(report.all_right for _, report in reports),
             n_solids=len(rows),
             n_right=sum(row.found == row.truth for row in rows),
             n_spurious=sum(len(report.spurious) for _, report in reports),
@@ -155,6 +141,7 @@ class Outcome:
         """The outcome as plain numbers, for JSON."""
         return {
             "n_worlds": self.n_worlds,
+            "n_worlds_right": self.n_worlds_right,
             "n_solids": self.n_solids,
             "n_right": self.n_right,
             "n_spurious": self.n_spurious,
@@ -171,7 +158,8 @@ class Outcome:
             return f"{known[0]:.3f} / {known[1]:.3f}" if known else "-"
 
         return (
-            f"right {self.n_right}/{self.n_solids}, spurious {self.n_spurious}, "
+            f"right {self.n_right}/{self.n_solids} ({self.n_worlds_right}/{self.n_worlds} worlds), "
+            f"spurious {self.n_spurious}, "
             f"centre {show(self.center_mm)} mm, angle {show(self.angle_deg)} deg, "
             f"planes {np.median(self.planes):g} for {np.median(self.planes_true):g}, "
             f"{self.n_beams} beams"

@@ -296,7 +296,7 @@ def random_world(
     --------
     >>> import primfit
     >>> primfit.random_world(3, rng=1)
-    World(3 solids: square, pentagon, rectangle; arena 2 x 2 m)
+    World(3 solids: square, rectangle, square; arena 2 x 2 m)
     """
     rng = np.random.default_rng(rng)
     ranges = SIZES | (sizes or {})
