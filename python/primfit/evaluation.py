@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from primfit._check import Floats, number
 from primfit.detection import Detection, FoundSolid
-from primfit.footprints import symmetry
+from primfit.footprints import symmetry_angle
 from primfit.solids import Prism
 from primfit.worlds import World
 
@@ -201,7 +201,7 @@ def _angle_error(solid: Prism, other: FoundSolid) -> float:
 
     Without a kind in common the outlines themselves are laid over each other.
     """
-    period = 2 * np.pi / symmetry(solid.footprint)[1]
+    period = symmetry_angle(solid.footprint)
     if other.kind == solid.kind and solid.kind != "polygon":
         turn = other.angle - solid.angle
     elif len(other.footprint) == len(solid.footprint):

@@ -176,12 +176,37 @@ def find_planes(
     if how.compete:
         for _ in range(_SWEEPS):
             before = [patch.inliers for patch in patches]
+            if scan is not None:
+                patches = _split(cloud, patches, how, scan, first_eps)
             patches = _merge(cloud, patches, how, scan, first_eps)
             patches = _compete(cloud, patches, how, first_eps)
             after = [patch.inliers for patch in patches]
             if len(before) == len(after) and all(map(np.array_equal, before, after)):
                 break
     return patches, first_eps
+
+
+def _split(cloud: Cloud, patches: list[Patch], how: Peeling, scan: Scan, eps: float) -> list[Patch]:
+    """Cut patches along their first axis where more beams pass than end on them."""
+    pieces = []
+    for patch in patches:
+        at = cloud.take(patch.inliers).feet(patch.model.equation) @ patch.axes.T
+        passed = passages(scan, patch.model.equation, patch.axes, float(np.median(cloud.sigma)))
+        level = (passed[:, 1] >= patch.low[1]) & (passed[:, 1] <= patch.high[1])
+        n_bins = max(1, int((patch.high[0] - patch.low[0]) / eps))
+        bins = np.linspace(patch.low[0], patch.high[0], n_bins + 1)
+        is_open = np.histogram(passed[level, 0], bins)[0] > np.histogram(at[:, 0], bins)[0]
+        if not is_open.any():
+            pieces.append(patch)
+            continue
+        run = np.cumsum(np.diff(is_open, prepend=is_open[0]) != 0)
+        place = np.clip(np.searchsorted(bins, at[:, 0], side="right") - 1, 0, n_bins - 1)
+        for number in np.unique(run[~is_open]):
+            rows = patch.inliers[run[place] == number]
+            model = fit(cloud.take(rows), patch.model.equation, how.orientation)
+            if model is not None and len(rows) >= how.min_points:
+                pieces.append(Patch.of(cloud, model, rows))
+    return pieces
 
 
 def _merge(

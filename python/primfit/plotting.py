@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,33 +22,31 @@ _MOST_POINTS = 40_000
 """Points that a picture shows: more only make the file larger."""
 
 
-def _pyplot() -> Any:
-    try:
-        import matplotlib.pyplot as plt
-    except ModuleNotFoundError:
-        raise ModuleNotFoundError(
-            "pictures need matplotlib: install it with pip install 'primfit[plot]'"
-        ) from None
-    return plt
-
-
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure, in inches, that no display needs."""
-    try:
+    with _explained():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
-    except ModuleNotFoundError:
-        raise ModuleNotFoundError(
-            "pictures need matplotlib: install it with pip install 'primfit[plot]'"
-        ) from None
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
+@contextmanager
+def _explained() -> Iterator[None]:
+    try:
+        yield
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            "pictures need matplotlib: install it with pip install 'primfit[plot]'"
+        ) from None
+
+
 def _from_above(ax: Axes | None, title: str) -> Axes:
     if ax is None:
-        ax = _pyplot().subplots(figsize=(6, 6), layout="constrained")[1]
+        with _explained():
+            import matplotlib.pyplot as plt
+        ax = plt.subplots(figsize=(6, 6), layout="constrained")[1]
     ax.set_aspect("equal")
     ax.set_xlabel("x [m]")
     ax.set_ylabel("y [m]")

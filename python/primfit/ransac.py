@@ -225,7 +225,8 @@ def fit(cloud: Cloud, equation: Floats, orientation: Orientation) -> PlaneModel 
 
     It starts from `equation` and keeps its side. Beams nearly along the plane are left out when
     they are the lesser part: they would weigh most, and are often those of a neighbour. None when
-    the points do not tell a plane, or tell one that `orientation` does not admit.
+    the points do not tell a plane, or tell one that `orientation` does not admit or that most
+    beams meet from behind.
     """
     space = orientation.normal_space
     if cloud.directions is not None:
@@ -241,7 +242,10 @@ def fit(cloud: Cloud, equation: Floats, orientation: Orientation) -> PlaneModel 
     if fitted is None or not orientation.admits(fitted[0][:3]):
         return None
     model, covariance, rms = fitted
-    return PlaneModel(np.copysign(1.0, model[:3] @ equation[:3]) * model, covariance, rms)
+    model = np.copysign(1.0, model[:3] @ equation[:3]) * model
+    if 2 * np.isfinite(cloud.residuals(model)).sum() < len(cloud):
+        return None
+    return PlaneModel(model, covariance, rms)
 
 
 def find_plane(

@@ -241,7 +241,7 @@ def refine(cycle: Cycle, cloud: Cloud, orientation: Orientation) -> Cycle:
             at = cloud.take(near).feet(equation)[:, :2] @ wall.along
             rows = near[(at >= ends[0]) & (at <= ends[1])]
             model = fit(cloud.take(rows), equation, orientation)
-            if model is None or not np.isfinite(cloud.take(rows).residuals(model.equation)).any():
+            if model is None:
                 return cycle
             walls.append(replace(wall, patch=Patch.of(cloud, model, rows)))
         corners = [_corner(walls[k - 1], walls[k]) for k in range(len(walls))]
