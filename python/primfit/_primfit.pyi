@@ -9,6 +9,7 @@ __all__ = [
     "dbscan",
     "fit_plane",
     "fit_plane_to_ranges",
+    "prism_costs",
     "score_planes",
 ]
 
@@ -40,5 +41,18 @@ def score_planes(
     threshold: float,
     directions: NDArray[np.float64] | None = None,
     msac: bool = False,
+    n_jobs: int | None = None,
+) -> NDArray[np.float64]: ...
+def prism_costs(
+    origins: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    ranges: NDArray[np.float64],
+    background: NDArray[np.float64],
+    sigmas: NDArray[np.float64],
+    max_range: float,
+    cap: float,
+    footprints: NDArray[np.float64],
+    bottoms: NDArray[np.float64],
+    tops: NDArray[np.float64],
     n_jobs: int | None = None,
 ) -> NDArray[np.float64]: ...

@@ -35,8 +35,8 @@ class FoundSolid:
     footprint : (m, 2) float64, metres
         Counter-clockwise.
     base, top : float, metres
-        z of the floor, and of the highest beam that ended on the solid: the solid is at least
-        this high.
+        z of the floor, and of the upper end: by the paper's method that of the highest beam that
+        ended on the solid.
     angle : float, radians
         Yaw of the footprint, from zero up to its symmetry.
     size : float or (float, float), metres
@@ -47,6 +47,8 @@ class FoundSolid:
         Its walls among the planes found.
     observed : tuple of bool
         Which of `faces` returned beams.
+    height_sigma : float, metres
+        Standard deviation of the height; NaN where it is only a bound.
     """
 
     kind: str
@@ -58,10 +60,11 @@ class FoundSolid:
     covariance: Floats
     planes: tuple[int, ...]
     observed: tuple[bool, ...]
+    height_sigma: float = np.nan
 
     @property
     def height(self) -> float:
-        """From base to top, metres: a lower bound."""
+        """From base to top, metres: a lower bound where `height_sigma` is NaN."""
         return self.top - self.base
 
     @property
@@ -91,7 +94,7 @@ class FoundSolid:
         return {
             name: float(np.sqrt(variance))
             for name, variance in zip(names, np.diag(self.covariance), strict=False)
-        }
+        } | {"height": self.height_sigma}
 
     def to_dict(self) -> dict[str, Any]:
         """The solid as plain numbers, for JSON."""
@@ -296,6 +299,8 @@ def detect(
         The raw scan, floor returns included, or a bare cloud.
     method : str
         "paper": RANSAC, DBSCAN, intersections and cycles, with repairs (see `detect_paper`).
+        "likelihood": solids of known kinds that explain all ranges, returned or not, which stands
+        far more noise (see `detect_likelihood`).
     rng : None, int or numpy.random.Generator
         Same `rng`, same result, at any number of threads.
     **options
@@ -318,7 +323,9 @@ def detect(
     >>> primfit.detect(scan, rng=7)
     Detection(1 solids: square; an arena; 8 planes; sigma 0 mm)
     """
+    from primfit.likelihood import detect_likelihood
     from primfit.paper import detect_paper
 
-    choice("method", method, ["paper"])
-    return detect_paper(scan if isinstance(scan, Scan) else Scan.from_points(scan), rng, **options)
+    methods = {"paper": detect_paper, "likelihood": detect_likelihood}
+    run = methods[choice("method", method, list(methods))]
+    return run(scan if isinstance(scan, Scan) else Scan.from_points(scan), rng, **options)

@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 import shapely
 
-from primfit._check import Ints, integer, number
+from primfit._check import integer, number
 from primfit.classification import Outline, classify, classify_by_sides
 from primfit.detection import Detection, FoundArena, FoundSolid
 from primfit.footprints import signed_area
 from primfit.peeling import Patch, Peeling
 from primfit.planes import (
-    Plane,
     Progress,
     bounded,
     check_enough,
     cloud_of,
+    find_floor,
     peel_with_progress,
 )
-from primfit.ransac import Cloud, Orientation, find_plane
+from primfit.ransac import Cloud, Orientation
 from primfit.scans import Scan
 from primfit.topology import (
     Wall,
@@ -198,7 +198,7 @@ def detect_paper(
     )
 
     # The z filter.
-    floor = _find_floor(cloud, rows, rng) if how.find_floor and wanted.is_upright else None
+    floor = find_floor(cloud, rows, rng) if how.find_floor and wanted.is_upright else None
     if floor is not None:
         above = ~np.isin(rows, floor.inliers)
         rows, cloud = rows[above], cloud.take(above)
@@ -236,22 +236,6 @@ def detect_paper(
             "max_trials": how.max_trials,
         },
     )
-
-
-def _find_floor(cloud: Cloud, rows: Ints, rng: np.random.Generator) -> Plane | None:
-    """The horizontal plane that is seen from above and has next to nothing below it."""
-    extent = max(float(np.ptp(cloud.points, axis=0).max()), np.finfo(float).tiny)
-    level = Orientation.of("horizontal")
-    found = find_plane(cloud, level, rng, near=None, eps=extent, min_points=10, max_trials=512)
-    if found is None:
-        return None
-    model, inliers = found
-    height = cloud.points[:, 2] + model.equation[3] / model.equation[2]
-    below = (height < 0.0) & (np.abs(cloud.residuals(model.equation)) > 2.0 * cloud.limit)
-    if model.equation[2] < 0.0 or below.mean() > 0.01:
-        return None
-    planes, _ = bounded([Patch.of(cloud, model, inliers)], cloud, rows, int(rows[-1]) + 1)
-    return planes[0] if planes[0].area > 0.0 else None
 
 
 def _solids_by_chains(

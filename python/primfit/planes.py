@@ -14,7 +14,7 @@ from tqdm import tqdm
 from primfit._check import Floats, Ints, frozen, integer, number
 from primfit.noise import FLOOR, estimate_sigma
 from primfit.peeling import Patch, Peeling, find_planes
-from primfit.ransac import Cloud, Orientation
+from primfit.ransac import Cloud, Orientation, find_plane
 from primfit.scans import Scan
 
 Progress = bool | Callable[[int, int], None]
@@ -214,7 +214,7 @@ def cloud_of(
     sigma: Any,
     rng: np.random.Generator,
     *,
-    threshold: float | None,
+    threshold: float | None = None,
     along_beams: bool = True,
 ) -> tuple[Cloud, float]:
     """Some returns of a scan as a cloud, and the noise that was given or estimated."""
@@ -288,6 +288,22 @@ def bounded(
             )
         )
     return tuple(planes), frozen(labels)
+
+
+def find_floor(cloud: Cloud, rows: Ints, rng: np.random.Generator) -> Plane | None:
+    """The horizontal plane that is seen from above and has next to nothing below it."""
+    extent = max(float(np.ptp(cloud.points, axis=0).max()), np.finfo(float).tiny)
+    level = Orientation.of("horizontal")
+    found = find_plane(cloud, level, rng, near=None, eps=extent, min_points=10, max_trials=512)
+    if found is None:
+        return None
+    model, inliers = found
+    height = cloud.points[:, 2] + model.equation[3] / model.equation[2]
+    below = (height < 0.0) & (np.abs(cloud.residuals(model.equation)) > 2.0 * cloud.limit)
+    if model.equation[2] < 0.0 or below.mean() > 0.01:
+        return None
+    planes, _ = bounded([Patch.of(cloud, model, inliers)], cloud, rows, int(rows[-1]) + 1)
+    return planes[0] if planes[0].area > 0.0 else None
 
 
 def _hull(at: Floats) -> tuple[Ints, float]:

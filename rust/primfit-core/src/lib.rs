@@ -7,6 +7,7 @@ mod caster;
 mod dbscan;
 mod error;
 mod fit;
+mod likelihood;
 mod scoring;
 mod triangle;
 mod workers;
@@ -15,6 +16,7 @@ pub use caster::{Hit, RayCaster};
 pub use dbscan::dbscan;
 pub use error::Error;
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
+pub use likelihood::{Beams, Candidate, prism_costs};
 pub use scoring::{Score, score_planes};
 pub use workers::Workers;
 

@@ -10,6 +10,7 @@ mod arrays;
 mod caster;
 mod clustering;
 mod door;
+mod likelihood;
 mod planes;
 
 use pyo3::prelude::*;
@@ -20,6 +21,8 @@ mod _primfit {
     use crate::caster::RayCaster;
     #[pymodule_export]
     use crate::clustering::dbscan;
+    #[pymodule_export]
+    use crate::likelihood::prism_costs;
     #[pymodule_export]
     use crate::planes::{fit_plane, fit_plane_to_ranges, score_planes};
 }
