@@ -97,7 +97,7 @@ def test_bad_values_are_named(call, message):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: primfit.RayCaster("mesh"), "mesh_or_world must be a World or a pair"),
+        (lambda: primfit.RayCaster("mesh"), "mesh_or_world must be a World or .vertices"),
         (lambda: primfit.RayCaster((SQUARE[0], [[0.0, 1.0, 2.0]])), "triangles must be integers"),
         (lambda: primfit.dbscan([["a", "b", "c"]], 1.0), "points must be an array of numbers"),
         (lambda: primfit.dbscan(np.zeros((3, 3)), "wide"), "eps must be a number"),

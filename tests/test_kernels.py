@@ -19,7 +19,7 @@ def box(low=(0, 0, 0), high=(1, 1, 1)):
     return primfit.Prism(
         [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])],
         high[2] - low[2],
-        low[2],
+        base=low[2],
     ).to_mesh()
 
 

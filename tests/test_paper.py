@@ -36,7 +36,7 @@ class TestMaps:
         np.testing.assert_allclose(found.floor.equation, [0, 0, 1, 0], atol=1e-9)
         for solid in found.solids:
             assert solid.base == pytest.approx(0.0, abs=1e-9)
-            assert 0.15 < solid.height <= 0.2 + 1e-9
+            assert solid.height == pytest.approx(0.2, abs=0.005)
 
     def test_labels_and_inliers_agree_with_the_truth(self, scan, found):
         for i, plane in enumerate(found.planes):

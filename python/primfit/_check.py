@@ -13,6 +13,10 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
+MOST_JOBS = 1024
+"""Threads that may be asked for."""
+
+
 def as_rows(name: str, values: ArrayLike, n_columns: int, *, finite: bool = True) -> Floats:
     """``values`` as a C-contiguous (n, n_columns) float64 array."""
     array = _as_floats(name, values)
@@ -95,7 +99,30 @@ def n_jobs_or_none(n_jobs: int | None) -> int | None:
     """The number of threads to ask for; -1 means as many as there are, which is the default."""
     if n_jobs is None or n_jobs == -1:
         return None
-    return integer("n_jobs", n_jobs, low=1)
+    if integer("n_jobs", n_jobs, low=1) > MOST_JOBS:
+        raise ValueError(f"n_jobs must be at most {MOST_JOBS}, not {n_jobs!r}")
+    return int(n_jobs)
+
+
+def range_of(name: str, values: Any, *, above: float = -np.inf) -> tuple[float, float]:
+    """``values``, a number or a pair, as (low, high)."""
+    try:
+        low, high = np.broadcast_to(np.asarray(values, dtype=float), (2,))
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{name} must be a number or a range (low, high), not {values!r}"
+        ) from None
+    if not (np.isfinite([low, high]).all() and above < low <= high):
+        what = "a range of positive numbers" if above == 0.0 else "a range (low, high)"
+        raise ValueError(f"{name} must be {what}, not {values!r}")
+    return float(low), float(high)
+
+
+def instance(name: str, value: Any, kind: type) -> None:
+    """Refuse what is not of a class."""
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIOU" else "a"
+        raise TypeError(f"{name} must be {article} {kind.__name__}, not {type(value).__name__}")
 
 
 def frozen(array: NDArray[Any]) -> Any:

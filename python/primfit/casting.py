@@ -49,8 +49,8 @@ class RayCaster:
                 vertices, triangles = mesh_or_world
             except (TypeError, ValueError):
                 raise TypeError(
-                    "mesh_or_world must be a World or a pair (vertices, triangles), not "
-                    f"{type(mesh_or_world).__name__}"
+                    "mesh_or_world must be a World or (vertices, triangles), two arrays, not "
+                    f"{type(mesh_or_world).__name__} of other content"
                 ) from None
             corners, rows = as_rows("vertices", vertices, 3), _as_triangles(triangles)
             ids = np.arange(len(rows))

@@ -23,7 +23,6 @@ class Outline:
     kind : str
     footprint : (m, 2) float64, metres
         Of exactly that kind, where it has a template.
-    center : (2,) float64, metres
     angle : float, radians
     size : float or (float, float), metres
     covariance : (k, k) float64
@@ -32,11 +31,13 @@ class Outline:
 
     kind: str
     footprint: Floats
-    center: Floats
     angle: float
     size: float | tuple[float, float]
     covariance: Floats
 
+
+_EQUAL = 0.02
+"""Relative difference of sides of a noisy polygon that still counts as equal."""
 
 _Template = Callable[[Floats], Floats]
 
@@ -71,7 +72,6 @@ def classify(cycle: Cycle) -> Outline:
             best = Outline(
                 kind=kind,
                 footprint=footprint,
-                center=footprint.mean(axis=0),
                 angle=footprints.angle_of(footprint, kind),
                 size=float(size[0]) if len(size) == 1 else (float(size[0]), float(size[1])),
                 covariance=np.linalg.inv(solution.jac.T @ solution.jac),
@@ -132,10 +132,11 @@ def _templates(vertices: Floats) -> list[tuple[str, _Template, Floats]]:
 def _free_polygon(vertices: Floats, covariance: Floats) -> Outline:
     footprint = footprints.clean_footprint(vertices)
     n = len(vertices)
-    angle, order = footprints.angle_of(footprint, "polygon"), footprints.symmetry(footprint)[1]
+    order = footprints.symmetry(footprint, _EQUAL)[1]
+    angle = footprints.angle_of(footprint, "polygon", _EQUAL)
 
     def parameters(outline: Floats) -> Floats:
-        turned = footprints.angle_of(outline, "polygon") - angle
+        turned = footprints.angle_of(outline, "polygon", _EQUAL) - angle
         period = 2 * np.pi / order
         turned = (turned + period / 2) % period - period / 2
         size = np.atleast_1d(footprints.size_of(outline, "polygon"))
@@ -148,7 +149,6 @@ def _free_polygon(vertices: Floats, covariance: Floats) -> Outline:
     return Outline(
         kind="polygon",
         footprint=footprint,
-        center=footprint.mean(axis=0),
         angle=angle,
         size=footprints.size_of(footprint, "polygon"),
         covariance=jacobian @ covariance @ jacobian.T,
@@ -201,7 +201,6 @@ def classify_by_sides(vertices: Floats, tolerance: float) -> Outline:
     return Outline(
         kind=kind,
         footprint=vertices,
-        center=vertices.mean(axis=0),
         angle=float(np.arctan2(y, x) % np.radians(period.get(kind, 360.0))),
         size=footprints.size_of(vertices, kind),
         covariance=np.full((5, 5) if kind in ("rectangle", "polygon") else (4, 4), np.nan),

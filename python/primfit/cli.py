@@ -115,7 +115,7 @@ def scan(
     result = primfit.scan(
         scene, path, lidar, rng=generator, progress=progress and sys.stderr.isatty()
     )
-    if out.suffix == ".npz":
+    if out.suffix.lower() == ".npz":
         result.save(out)
     else:
         primfit.write_points(out, result.points[result.is_return])
@@ -156,6 +156,9 @@ def detect(
     recorded, n_left_out = _read(file, origin)
     is_scan = recorded.pose_index is not None
     wanted = orientation or ("vertical" if is_scan else "any")
+    least = min_points
+    if least is None:
+        least = 10 if is_scan else max(10, len(recorded) // 500)
     found = primfit.detect(
         recorded,
         rng=rng,
@@ -163,7 +166,7 @@ def detect(
         sigma=sigma,
         settings=primfit.PaperSettings(
             threshold=threshold,
-            min_points=min_points or (10 if is_scan else max(10, len(recorded) // 500)),
+            min_points=least,
         ),
     )
     if not is_scan:
@@ -188,7 +191,7 @@ def detect(
 
 
 def _read(file: Path, origin: tuple[float, float, float] | None) -> tuple[primfit.Scan, int]:
-    if file.suffix == ".npz" and file.is_file():
+    if file.suffix.lower() == ".npz" and file.is_file():
         # An archive that is no scan of ours may still hold points.
         with suppress(ValueError):
             return primfit.Scan.load(file), 0
@@ -240,16 +243,20 @@ def _planes_table(found: primfit.Detection) -> str:
 @app.command()
 @_explained
 def reproduce(
-    n: Annotated[int, typer.Option("-n", help="Random maps or solids behind each row.")] = 20,
+    n: Annotated[
+        int, typer.Option("-n", min=1, help="Random maps or solids behind each row.")
+    ] = 20,
     rng: Seed = 0,
     literal: Annotated[
         bool, typer.Option(help="Show the paper's own rules beside the repaired method.")
     ] = True,
     table: Annotated[
         list[int] | None,
-        typer.Option(help="Number of a table, again for more: 1 to 9, 10 noise 0.06, 11 columns."),
+        typer.Option(
+            min=1, max=11, help="Number of a table, again for more; 10 is noise 0.06, 11 columns."
+        ),
     ] = None,
-    jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     as_json: AsJson = False,
     progress: Annotated[bool, typer.Option(help="Show a bar.")] = True,
 ) -> None:

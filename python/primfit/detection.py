@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import Floats, Ints, choice
+from primfit._check import Floats, Ints, choice, frozen
 from primfit.footprints import area_centroid
 from primfit.planes import Plane
 from primfit.scans import Scan
@@ -35,8 +35,8 @@ class FoundSolid:
     footprint : (m, 2) float64, metres
         Counter-clockwise.
     base, top : float, metres
-        z of the floor, and of the upper end: by the paper's method that of the highest beam that
-        ended on the solid.
+        z of the floor, and of the upper end; where the height is not known, of the highest beam
+        that ended on the solid.
     angle : float, radians
         Yaw of the footprint, from zero up to its symmetry.
     size : float or (float, float), metres
@@ -48,7 +48,7 @@ class FoundSolid:
     observed : tuple of bool
         Which of `faces` returned beams.
     height_sigma : float, metres
-        Standard deviation of the height; NaN where it is only a bound.
+        Standard deviation of the height; NaN where no beam tells the height.
     """
 
     kind: str
@@ -62,20 +62,30 @@ class FoundSolid:
     observed: tuple[bool, ...]
     height_sigma: float = np.nan
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "footprint", frozen(np.array(self.footprint)))
+
     @property
     def height(self) -> float:
-        """From base to top, metres: a lower bound where `height_sigma` is NaN."""
-        return self.top - self.base
+        """From base to top, metres; NaN where no beam tells."""
+        return self.top - self.base if np.isfinite(self.height_sigma) else np.nan
 
     @property
     def center(self) -> Floats:
-        """Mean of the vertices (3,), metres."""
-        return np.append(self.footprint.mean(axis=0), (self.base + self.top) / 2)
+        """Mean of the vertices (3,), metres; z is NaN where the height is."""
+        return np.append(self.footprint.mean(axis=0), self.base + self.height / 2)
 
     @property
     def centroid(self) -> Floats:
-        """Centroid of the volume (3,), metres."""
-        return np.append(area_centroid(self.footprint), (self.base + self.top) / 2)
+        """Centroid of the volume (3,), metres; z is NaN where the height is."""
+        return np.append(area_centroid(self.footprint), self.base + self.height / 2)
+
+    def moved(self, offset: Floats) -> FoundSolid:
+        """The solid moved by a vector (3,), metres."""
+        z = float(offset[2])
+        return replace(
+            self, footprint=self.footprint + offset[:2], base=self.base + z, top=self.top + z
+        )
 
     @property
     def vertices(self) -> Floats:
@@ -100,11 +110,11 @@ class FoundSolid:
         """The solid as plain numbers, for JSON."""
         return {
             "kind": self.kind,
-            "center": self.center.tolist(),
-            "centroid": self.centroid.tolist(),
+            "center": _plain(self.center),
+            "centroid": _plain(self.centroid),
             "angle": self.angle,
             "size": self.size,
-            "height": self.height,
+            "height": self.height if np.isfinite(self.height) else None,
             "footprint": self.footprint.tolist(),
             "sigmas": _without_nan(self.sigmas),
             "planes": list(self.planes),
@@ -134,6 +144,16 @@ class FoundArena:
 
     footprint: Floats
     planes: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "footprint", frozen(np.array(self.footprint)))
+
+    def moved(self, offset: Floats) -> FoundArena:
+        """The arena moved by a vector (3,), metres."""
+        return replace(self, footprint=self.footprint + offset[:2])
+
+    def __repr__(self) -> str:
+        return "FoundArena({:.3f} x {:.3f} m, {} walls)".format(*self.size, len(self.footprint))
 
     @property
     def size(self) -> tuple[float, float]:
@@ -179,7 +199,18 @@ class Detection:
     sigma: float
     settings: dict[str, Any]
 
-    def plot(self, world: World | None = None, ax: Axes | None = None) -> Axes:
+    def moved(self, offset: Floats, scan: Scan) -> Detection:
+        """The detection moved by a vector (3,), metres, as that of another scan."""
+        return replace(
+            self,
+            scan=scan,
+            planes=tuple(plane.moved(offset) for plane in self.planes),
+            solids=tuple(solid.moved(offset) for solid in self.solids),
+            arena=self.arena and self.arena.moved(offset),
+            floor=self.floor and self.floor.moved(offset),
+        )
+
+    def plot(self, *, world: World | None = None, ax: Axes | None = None) -> Axes:
         """Draw planes and solids over the truth, if given; needs matplotlib."""
         from primfit import plotting
 
@@ -272,9 +303,14 @@ class Detection:
         kinds = ", ".join(solid.kind for solid in self.solids) or "none"
         arena = "an arena" if self.arena else "no arena"
         return (
-            f"Detection({len(self.solids)} solids: {kinds}; {arena}; {len(self.planes)} planes; "
+            f"Detection({len(self.solids)} solid{'s' * (len(self.solids) != 1)}: {kinds}; {arena}; "
+            f"{len(self.planes)} planes; "
             f"sigma {self.sigma * 1000:.3g} mm)"
         )
+
+
+def _plain(values: Floats) -> list[float | None]:
+    return [value if np.isfinite(value) else None for value in values.tolist()]
 
 
 def _without_nan(values: dict[str, Any]) -> dict[str, Any]:
@@ -321,11 +357,13 @@ def detect(
     >>> world = primfit.random_world(1, 1.0, ["square"], rng=7)
     >>> scan = primfit.scan(world, primfit.grid_path(world, 0.25, rng=7), rng=7)
     >>> primfit.detect(scan, rng=7)
-    Detection(1 solids: square; an arena; 8 planes; sigma 0 mm)
+    Detection(1 solid: square; an arena; 8 planes; sigma 0 mm)
     """
     from primfit.likelihood import detect_likelihood
     from primfit.paper import detect_paper
 
     methods = {"paper": detect_paper, "likelihood": detect_likelihood}
     run = methods[choice("method", method, list(methods))]
-    return run(scan if isinstance(scan, Scan) else Scan.from_points(scan), rng, **options)
+    recorded = scan if isinstance(scan, Scan) else Scan.from_points(scan)
+    offset = recorded.far_offset
+    return run(recorded.moved(-offset), rng, **options).moved(offset, recorded)

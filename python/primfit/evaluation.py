@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from primfit._check import Floats, number
+from primfit._check import Floats, instance, number
 from primfit.detection import Detection, FoundSolid
 from primfit.footprints import symmetry_angle
 from primfit.solids import Prism
@@ -108,6 +108,12 @@ class Report:
         """The report as JSON text."""
         return json.dumps(self.to_dict(), indent=1, allow_nan=False)
 
+    def __repr__(self) -> str:
+        return (
+            f"Report({self.n_right} of {len(self.rows)} right, {len(self.missed)} missed, "
+            f"{len(self.spurious)} spurious)"
+        )
+
     def __str__(self) -> str:
         """The paper's table, with the size beside it."""
         head = (
@@ -162,6 +168,8 @@ def evaluate(found: Detection, world: World, *, max_distance: float = 0.1) -> Re
     >>> primfit.evaluate(primfit.detect(scan, rng=7), world).all_right
     True
     """
+    instance("found", found, Detection)
+    instance("world", world, World)
     max_distance = number("max_distance", max_distance, above=0.0)
     truth = np.array([solid.center[:2] for solid in world.solids]).reshape(-1, 2)
     centers = np.array([solid.center[:2] for solid in found.solids]).reshape(-1, 2)

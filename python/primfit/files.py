@@ -83,19 +83,15 @@ def _read(path: Path) -> ArrayLike:
 
 
 def _read_text(path: Path) -> Floats:
-    with open(path) as stream:
-        first = stream.readline()
-        # A .pts file may begin with the number of its points.
-        is_count = len(first.replace(",", " ").split()) == 1
-        stream.seek(0)
-        return np.loadtxt(
-            stream,
-            skiprows=int(is_count),
-            delimiter="," if "," in first else None,
-            comments=("#", "//"),
-            usecols=(0, 1, 2),
-            ndmin=2,
-        )
+    lines = [line for line in path.read_text().splitlines() if line.strip()]
+    rows = [line for line in lines if not line.lstrip().startswith(("#", "//"))]
+    # A .pts file may begin with the number of its points.
+    if rows and rows[0].strip().isdigit():
+        rows = rows[1:]
+    if not rows:
+        raise ValueError("it holds no point")
+    delimiter = next((mark for mark in (",", ";") if mark in rows[0]), None)
+    return np.loadtxt(rows, delimiter=delimiter, comments=("#", "//"), usecols=(0, 1, 2), ndmin=2)
 
 
 def write_points(
@@ -106,7 +102,8 @@ def write_points(
     Parameters
     ----------
     file : path
-        .ply, .pcd, .xyz, .txt, .pts, .npy or .npz; .las and .laz in steps of 0.1 mm.
+        .ply, .pcd, .xyz, .txt, .pts, .npy or .npz; .las and .laz in steps of 0.1 mm, or more for
+        spans that these cannot hold.
     points : (n, 3) float64, metres
     colors : (n, 3) uint8 or None
         Red, green, blue; kept by .ply, .pcd, .las and .laz.
@@ -121,9 +118,12 @@ def write_points(
     cloud = as_rows("points", points, 3)
     rgb = None
     if colors is not None:
-        rgb = np.asarray(colors, dtype=np.uint8)
-        if rgb.shape != cloud.shape:
-            raise ValueError(f"colors must have shape {cloud.shape}, not {rgb.shape}")
+        given = np.asarray(colors)
+        if given.shape != cloud.shape:
+            raise ValueError(f"colors must have shape {cloud.shape}, not {given.shape}")
+        rgb = given.astype(np.uint8)
+        if not np.array_equal(rgb, given):
+            raise ValueError("colors must be whole numbers from 0 to 255")
     try:
         _write(path, cloud, rgb)
     except ModuleNotFoundError as error:
@@ -132,20 +132,44 @@ def write_points(
 
 def _write(path: Path, cloud: Floats, rgb: NDArray[np.uint8] | None) -> None:
     suffix = path.suffix.lower()
-    if suffix == ".npy":
-        np.save(path, cloud)
-    elif suffix == ".npz":
-        np.savez_compressed(path, points=cloud)
+    if suffix in (".npy", ".npz"):
+        with open(path, "wb") as stream:
+            if suffix == ".npy":
+                np.save(stream, cloud)
+            else:
+                np.savez_compressed(stream, points=cloud)
     elif suffix in _TEXT:
         np.savetxt(path, cloud, fmt="%.17g")
     elif suffix == ".ply":
-        import trimesh
-
-        trimesh.PointCloud(cloud, colors=rgb).export(path)
+        _write_ply(path, cloud, rgb, np.empty((0, 3), np.int64))
     elif suffix == ".pcd":
         _write_pcd(path, cloud, rgb)
     else:
         _write_las(path, cloud, rgb)
+
+
+def _write_ply(
+    path: Path, vertices: Floats, rgb: NDArray[np.uint8] | None, triangles: Ints
+) -> None:
+    """Binary PLY in float64, which the libraries at hand round to float32."""
+    columns = [(name, "<f8") for name in "xyz"]
+    if rgb is not None:
+        columns += [(name, "u1") for name in ("red", "green", "blue")]
+    rows = np.zeros(len(vertices), dtype=columns)
+    for k, name in enumerate("xyz"):
+        rows[name] = vertices[:, k]
+    if rgb is not None:
+        for k, name in enumerate(("red", "green", "blue")):
+            rows[name] = rgb[:, k]
+    faces = np.zeros(len(triangles), dtype=[("n", "u1"), ("corners", "<i4", 3)])
+    faces["n"], faces["corners"] = 3, triangles
+    types = {"<f8": "double", "u1": "uchar"}
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
+    header += [f"property {types[kind]} {name}" for name, kind in columns]
+    if len(triangles):
+        header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    text = "\n".join([*header, "end_header", ""])
+    path.write_bytes(text.encode() + rows.tobytes() + faces.tobytes())
 
 
 def _write_pcd(path: Path, cloud: Floats, rgb: NDArray[np.uint8] | None) -> None:
@@ -165,7 +189,9 @@ def _write_las(path: Path, cloud: Floats, rgb: NDArray[np.uint8] | None) -> None
 
     header = laspy.LasHeader(point_format=7 if rgb is not None else 6, version="1.4")
     header.offsets = np.floor(cloud.min(axis=0)) if len(cloud) else np.zeros(3)
-    header.scales = np.full(3, 1e-4)
+    span = float(np.ptp(cloud, axis=0).max()) if len(cloud) else 0.0
+    # A coordinate is a 32-bit count of steps.
+    header.scales = np.full(3, max(1e-4, span / 2e9))
     las = laspy.LasData(header)
     las.xyz = cloud
     if rgb is not None:
@@ -178,6 +204,9 @@ def write_mesh(file: str | PathLike[str], vertices: Floats, triangles: Ints) -> 
     path = Path(file)
     if path.suffix.lower() not in (".ply", ".obj", ".stl"):
         raise ValueError(f"file must end in .ply, .obj or .stl, not {path.name!r}")
+    if path.suffix.lower() == ".ply":
+        _write_ply(path, vertices, None, triangles)
+        return
     try:
         import trimesh
     except ModuleNotFoundError as error:

@@ -24,39 +24,40 @@ def regular_name(n_vertices: int) -> str:
     return NAMES.get(n_vertices, f"{n_vertices}-gon")
 
 
-def clean_footprint(vertices: ArrayLike, name: str = "footprint") -> Floats:
+def clean_footprint(vertices: ArrayLike) -> Floats:
     """Outline as a footprint: checked, counter-clockwise, without collinear vertices.
 
     Parameters
     ----------
     vertices : (m, 2) float64, metres
         Corners in order, in either direction, closed or not.
-    name : str
-        What messages call it.
 
     Raises
     ------
     ValueError
         When it has fewer than three corners, crosses or touches itself, or has no area.
     """
-    outline = as_rows(name, vertices, 2)
-    if len(outline) > 1 and np.array_equal(outline[0], outline[-1]):
-        outline = outline[:-1]
+    outline = as_rows("footprint", vertices, 2)
+    if len(outline):
+        span = np.ptp(outline, axis=0).max()
+        rounding = 4.0 * np.finfo(float).eps * np.abs(outline).max()
+        step = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1)
+        outline = outline[step > 1e-9 * span + rounding]
     if len(outline) < 3:
-        raise ValueError(f"{name} must have at least 3 distinct vertices, not {len(outline)}")
+        raise ValueError(f"footprint must have at least 3 distinct vertices, not {len(outline)}")
     polygon = shapely.Polygon(outline)
     if not polygon.is_valid:
         why = shapely.is_valid_reason(polygon)
-        raise ValueError(f"{name} must be a simple polygon that does not cross itself: {why}")
-    span = np.ptp(outline, axis=0).max()
+        raise ValueError(f"footprint must be a simple polygon that does not cross itself: {why}")
     if polygon.area <= 1e-12 * span**2:
-        raise ValueError(f"{name} must enclose an area, but its vertices lie on a line")
+        raise ValueError("footprint must enclose an area, but its vertices lie on a line")
     if not polygon.exterior.is_ccw:
         outline = outline[::-1]
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
     turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     lengths = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
-    return np.array(outline[np.abs(turn) > 1e-12 * lengths])
+    straight = 1e-12 * lengths + 2.0 * rounding * np.sqrt(np.maximum(lengths, rounding**2))
+    return np.array(outline[np.abs(turn) > straight])
 
 
 def sides(footprint: Floats) -> Floats:
@@ -129,14 +130,14 @@ def _is_mirrored(footprint: Floats) -> bool:
     return bool(np.ptp(lengths) <= TOLERANCE * lengths.max())
 
 
-def angle_of(footprint: Floats, kind: str | None = None) -> float:
+def angle_of(footprint: Floats, kind: str | None = None, tolerance: float = TOLERANCE) -> float:
     """Angle of a footprint, radians, from zero up to its symmetry (see `symmetry_angle`).
 
     Zero when the lowest side lies along +x; for a rectangle a long side, for a star when a tip
     points to +y, for other polygons the first side of `symmetry`.
     """
     kind = kind or kind_of(footprint)
-    first, order = symmetry(footprint)
+    first, order = symmetry(footprint, tolerance)
     if kind == "star":
         arms = footprint - footprint.mean(axis=0)
         tip = arms[int(np.argmax(np.linalg.norm(arms, axis=1)))]
@@ -165,6 +166,7 @@ def size_of(footprint: Floats, kind: str | None = None) -> float | tuple[float, 
     star, and for other polygons (long, short) side of the smallest rectangle around it.
     """
     kind = kind or kind_of(footprint)
+    footprint = footprint - footprint[0]
     if kind == "star":
         radii = np.linalg.norm(footprint - footprint.mean(axis=0), axis=1)
         return float(radii.max()), float(radii.min())

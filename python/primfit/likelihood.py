@@ -22,7 +22,7 @@ from primfit.peeling import Patch
 from primfit.planes import SIGMAS, Plane, bounded, check_enough, cloud_of, find_floor
 from primfit.ransac import Cloud, Orientation, fit
 from primfit.sampling import Posterior, sample
-from primfit.scans import Scan
+from primfit.scans import Scan, as_sigma
 from primfit.scene import CAP, Beams, Body, Scene, thinned
 from primfit.templates import TEMPLATES, Template
 
@@ -257,7 +257,7 @@ def detect_likelihood(
     >>> path = primfit.grid_path(world, 0.25, rng=7)
     >>> scan = primfit.scan(world, path, primfit.Lidar(noise=0.05), rng=7)
     >>> primfit.detect(scan, method="likelihood", rng=7)
-    Detection(1 solids: square; an arena; 8 planes; sigma 50 mm)
+    Detection(1 solid: square; an arena; 8 planes; sigma 50 mm)
     """
     if not scan.has_origins:
         raise ValueError(
@@ -268,7 +268,9 @@ def detect_likelihood(
     threads = n_jobs_or_none(n_jobs)
     rows = np.flatnonzero(scan.is_return)
     check_enough(rows)
-    cloud, used_sigma = cloud_of(scan, rows, scan.sigma if sigma is None else sigma, rng)
+    cloud, used_sigma = cloud_of(
+        scan, rows, scan.sigma if sigma is None else as_sigma(sigma, len(scan)), rng
+    )
     floor = find_floor(cloud, rows, rng)
     base = 0.0 if floor is None else -float(floor.equation[3] / floor.equation[2])
     scene = Scene(scan, used_sigma, base, threads)

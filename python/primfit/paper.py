@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from primfit._check import integer, number
+from primfit._check import instance, integer, n_jobs_or_none, number
 from primfit.classification import Outline, classify, classify_by_sides
 from primfit.detection import Detection, FoundArena, FoundSolid
 from primfit.footprints import signed_area
@@ -26,7 +26,7 @@ from primfit.planes import (
     peel_with_progress,
 )
 from primfit.ransac import Cloud, Orientation
-from primfit.scans import Scan
+from primfit.scans import Scan, as_sigma
 from primfit.topology import (
     Wall,
     chain_walls,
@@ -174,6 +174,7 @@ def detect_paper(
     True
     """
     how = PaperSettings() if settings is None else settings
+    instance("settings", how, PaperSettings)
     wanted = Orientation.of(orientation, max_angle)
     rng = np.random.default_rng(rng)
     rows = np.flatnonzero(scan.is_return & ~(scan.points[:, 2] < how.z_low))
@@ -181,7 +182,7 @@ def detect_paper(
     cloud, used_sigma = cloud_of(
         scan,
         rows,
-        scan.sigma if sigma is None else sigma,
+        scan.sigma if sigma is None else as_sigma(sigma, len(scan)),
         rng,
         threshold=how.threshold,
         along_beams=how.along_beams,
@@ -205,12 +206,12 @@ def detect_paper(
 
     # Planes: RANSAC and DBSCAN, one after the other (Algorithm 3, lines 1 to 9, and 4).
     seen = scan if how.along_beams and scan.has_origins else None
-    patches, eps = peel_with_progress(cloud, peeling, rng, seen, n_jobs, progress)
+    patches, eps = peel_with_progress(cloud, peeling, rng, seen, n_jobs_or_none(n_jobs), progress)
 
     # Corners and cycles (Algorithm 3, lines 10 to 22, and 5); kind, centre and angle.
     limit = float(np.median(cloud.limit))
     close = 2.0 * eps + limit if how.close is None else how.close
-    base = 0.0 if floor is None else -float(floor.equation[3] / floor.equation[2])
+    base = None if floor is None else -float(floor.equation[3] / floor.equation[2])
     solids: list[FoundSolid] = []
     arena = None
     if wanted.is_upright:
@@ -242,7 +243,7 @@ def _solids_by_chains(
     walls: list[Wall],
     patches: list[Patch],
     cloud: Cloud,
-    base: float,
+    base: float | None,
     close: float,
     how: PaperSettings,
     wanted: Orientation,
@@ -262,50 +263,69 @@ def _solids_by_chains(
             outline = classify(cycle)
         else:
             outline = classify_by_sides(cycle.vertices, how.side_tolerance)
-        top = max(wall.top for wall in cycle.walls)
-        solids.append(_solid(outline, numbers, base, top))
+        solids.append(_solid(outline, numbers, cloud, cycle.walls, base))
     if arenas:
         return solids, max(arenas, key=lambda arena: abs(signed_area(arena.footprint)))
-    return _part_enclosing(solids)
+    return _part_enclosing(solids, cloud, close)
 
 
 def _solids_by_pairs(
     walls: list[Wall],
     patches: list[Patch],
     cloud: Cloud,
-    base: float,
+    base: float | None,
     close: float,
     how: PaperSettings,
     _: Orientation,
 ) -> tuple[list[FoundSolid], FoundArena | None]:
-    """The paper's way: all pairs of planes, all simple cycles, the top of the whole cloud."""
-    top = float(cloud.points[:, 2].max())
+    """The paper's way: all pairs of planes, all simple cycles."""
     outlines = simple_cycles(intersect_pairs(cloud, patches, walls, close))
-    solids = [_solid(classify_by_sides(o, how.side_tolerance), (), base, top) for o in outlines]
-    return _part_enclosing(solids)
+    solids = [
+        _solid(classify_by_sides(outline, how.side_tolerance), (), cloud, (), base)
+        for outline in outlines
+    ]
+    return _part_enclosing(solids, cloud, close)
 
 
-def _solid(outline: Outline, planes: tuple[int, ...], base: float, top: float) -> FoundSolid:
+def _solid(
+    outline: Outline,
+    planes: tuple[int, ...],
+    cloud: Cloud,
+    walls: tuple[Wall, ...],
+    base: float | None,
+) -> FoundSolid:
+    """An outline as a solid; its height is between the highest hit and the lowest beam over it."""
+    z = cloud.points[:, 2]
+    bottom = float(z.min()) if base is None else base
+    highest = max((wall.top for wall in walls), default=float(z.max()))
+    cleared = max(min((wall.cleared for wall in walls), default=np.inf), highest)
+    is_known = base is not None and np.isfinite(cleared)
+    top = (highest + cleared) / 2 if is_known else highest
+    inside = shapely.contains_xy(shapely.Polygon(outline.footprint), cloud.points[:, :2])
+    sees_top = int((inside & (np.abs(z - top) <= cloud.limit)).sum()) >= 3
     return FoundSolid(
         kind=outline.kind,
         footprint=outline.footprint,
-        base=base,
+        base=bottom,
         top=top,
         angle=outline.angle,
         size=outline.size,
         covariance=outline.covariance,
         planes=planes,
-        observed=(True,) * len(outline.footprint) + (False, False),
+        observed=(True,) * len(outline.footprint) + (False, sees_top),
+        height_sigma=(cleared - highest) / np.sqrt(12.0) if is_known else np.nan,
     )
 
 
-def _part_enclosing(solids: list[FoundSolid]) -> tuple[list[FoundSolid], FoundArena | None]:
-    """Where the seen sides are not known, the outline around all others is the arena."""
-    if len(solids) < 2:
+def _part_enclosing(
+    solids: list[FoundSolid], cloud: Cloud, close: float
+) -> tuple[list[FoundSolid], FoundArena | None]:
+    """Where the seen sides are not known, the outline with the other points inside is the arena."""
+    if not solids:
         return solids, None
     outer = max(solids, key=lambda solid: abs(signed_area(solid.footprint)))
-    others = [solid for solid in solids if solid is not outer]
-    around = shapely.Polygon(outer.footprint)
-    if not all(shapely.contains_xy(around, *solid.center[:2]) for solid in others):
+    interior = shapely.Polygon(outer.footprint).buffer(-close)
+    if shapely.contains_xy(interior, cloud.points[:, :2]).mean() < 0.01:
         return solids, None
+    others = [solid for solid in solids if solid is not outer]
     return others, FoundArena(outer.footprint, outer.planes)

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from primfit._check import Bools, Floats, as_rows, integer, number
+from primfit._check import Bools, Floats, as_rows, instance, integer, number
 from primfit.worlds import World
 
 
@@ -59,6 +59,7 @@ def grid_path(
     >>> path.shape[1]
     3
     """
+    instance("world", world, World)
     spacing = number("spacing", spacing, above=0.0)
     headings = integer("headings", headings, low=1)
     low, high = world.bounds
@@ -121,6 +122,7 @@ def waypoints(
            [0.5, 0. , 0. ],
            [1. , 0. , 0. ]])
     """
+    instance("world", world, World)
     corners = as_rows("points", points, 2)
     if not len(corners):
         raise ValueError("points must hold at least one waypoint")

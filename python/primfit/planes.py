@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 from tqdm import tqdm
 
-from primfit._check import Floats, Ints, frozen, integer, number
+from primfit._check import Floats, Ints, frozen, integer, n_jobs_or_none, number
 from primfit.noise import FLOOR, estimate_sigma
 from primfit.peeling import Patch, Peeling, find_planes
 from primfit.ransac import Cloud, Orientation, find_plane
-from primfit.scans import Scan
+from primfit.scans import Scan, as_sigma
 
 Progress = bool | Callable[[int, int], None]
 
@@ -57,6 +57,17 @@ class Plane:
         """Mean of the boundary's corners (3,), metres."""
         mean: Floats = self.boundary.mean(axis=0)
         return mean
+
+    def moved(self, offset: Floats) -> Plane:
+        """The plane moved by a vector (3,), metres."""
+        shift = np.eye(4)
+        shift[3, :3] = -offset
+        return replace(
+            self,
+            equation=frozen(shift @ self.equation),
+            boundary=frozen(self.boundary + offset),
+            covariance=frozen(shift @ self.covariance @ shift.T),
+        )
 
     def __repr__(self) -> str:
         a, b, c, d = self.equation
@@ -169,12 +180,19 @@ def detect_planes(
     >>> len(planes), f"{planes[0].rms:.6f}"
     (1, '0.000000')
     """
-    scan = points if isinstance(points, Scan) else Scan.from_points(points, origins, sigma)
+    if isinstance(points, Scan):
+        if origins is not None:
+            raise ValueError("origins must be None for a Scan, which has its own")
+        scan = points
+    else:
+        scan = Scan.from_points(points, origins, sigma)
+    offset = scan.far_offset
+    scan = scan.moved(-offset)
     wanted = Orientation.of(orientation, max_angle)
     rng = np.random.default_rng(rng)
     rows = np.flatnonzero(scan.is_return)
     check_enough(rows)
-    given = scan.sigma if sigma is None else sigma
+    given = scan.sigma if sigma is None else as_sigma(sigma, len(scan))
     cloud, used = cloud_of(scan, rows, given, rng, threshold=threshold)
     if min_points is None:
         min_points = max(10, len(rows) // 500)
@@ -189,7 +207,7 @@ def detect_planes(
         compete=True,
     )
     seen = scan if scan.has_origins else None
-    patches, used_eps = peel_with_progress(cloud, how, rng, seen, n_jobs, progress)
+    patches, used_eps = peel_with_progress(cloud, how, rng, seen, n_jobs_or_none(n_jobs), progress)
     planes, labels = bounded(patches, cloud, rows, len(scan))
     settings = {
         "threshold": float(np.median(cloud.limit)),
@@ -197,7 +215,7 @@ def detect_planes(
         "min_points": how.min_points,
         "max_trials": how.max_trials,
     }
-    return Planes(planes, labels, used, settings)
+    return Planes(tuple(plane.moved(offset) for plane in planes), labels, used, settings)
 
 
 def check_enough(rows: Ints) -> None:
@@ -294,15 +312,23 @@ def find_floor(cloud: Cloud, rows: Ints, rng: np.random.Generator) -> Plane | No
     """The horizontal plane that is seen from above and has next to nothing below it."""
     extent = max(float(np.ptp(cloud.points, axis=0).max()), np.finfo(float).tiny)
     level = Orientation.of("horizontal")
-    found = find_plane(cloud, level, rng, near=None, eps=extent, min_points=10, max_trials=512)
+    z = cloud.points[:, 2]
+    pool = np.arange(len(cloud))
+    if cloud.directions is None:
+        # Without beams nothing tells the floor from a layer of the scan but that it is lowest.
+        lowest = np.quantile(z, 0.01) + 3.0 * float(np.median(cloud.limit))
+        pool = np.flatnonzero(z <= lowest)
+    found = find_plane(
+        cloud.take(pool), level, rng, near=None, eps=extent, min_points=10, max_trials=512
+    )
     if found is None:
         return None
     model, inliers = found
-    height = cloud.points[:, 2] + model.equation[3] / model.equation[2]
+    height = z + model.equation[3] / model.equation[2]
     below = (height < 0.0) & (np.abs(cloud.residuals(model.equation)) > 2.0 * cloud.limit)
-    if model.equation[2] < 0.0 or below.mean() > 0.01:
+    if model.equation[2] < 0.0 or below.mean() > 0.01 or len(inliers) < 0.02 * len(cloud):
         return None
-    planes, _ = bounded([Patch.of(cloud, model, inliers)], cloud, rows, int(rows[-1]) + 1)
+    planes, _ = bounded([Patch.of(cloud, model, pool[inliers])], cloud, rows, int(rows[-1]) + 1)
     return planes[0] if planes[0].area > 0.0 else None
 
 

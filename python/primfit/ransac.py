@@ -21,6 +21,9 @@ _GRAZING = 0.1
 """Sine of the angle between beam and plane below which a beam counts as along the plane."""
 
 _HYPOTHESES_AT_ONCE = 128
+_MISS = 0.001
+"""Chance to miss a plane with the best one's share of the points, at which drawing stops."""
+
 _LOCAL_LUCK = 0.3
 """Chance, assumed low, that the neighbours of a point on a plane are on it too."""
 
@@ -257,7 +260,6 @@ def find_plane(
     eps: float,
     min_points: int,
     max_trials: int,
-    stop_probability: float = 0.999,
     msac: bool = True,
     refit: bool = True,
     n_jobs: int | None = None,
@@ -265,7 +267,7 @@ def find_plane(
     """The best plane of a cloud and its inliers: the largest cluster near it (Algorithm 4).
 
     Hypotheses are drawn and scored until a plane with the best one's share of the points would
-    have been drawn with `stop_probability`, `max_trials` at most. With `refit`, the plane is
+    have been drawn almost surely, `max_trials` at most. With `refit`, the plane is
     fitted to its cluster and the cluster found anew, until neither changes.
 
     Returns
@@ -286,7 +288,7 @@ def find_plane(
             best, best_score = equation, score
         share = min(best_score / len(cloud), 1.0 - 1e-9)
         luck = share * (share**n_more if near is None else _LOCAL_LUCK**n_more)
-        n_wanted = np.log(1.0 - stop_probability) / np.log1p(-luck) if luck else max_trials
+        n_wanted = np.log(_MISS) / np.log1p(-luck) if luck else max_trials
     if not best_score:
         return None
     return settle(cloud, best, orientation, eps, min_points, n_refits=_MAX_REFITS if refit else 0)

@@ -28,7 +28,8 @@ radius of 0.20 to 0.24 m and half of that inside, at random angles. Lidar 0.06 m
 8 layers over 0.4 rad, 100 columns over 90 degrees, 1 m: noise 0.05 is a standard deviation of
 50 mm. Poses on a grid of 0.25 m (maps) or 0.125 m (single solids), four headings each.
 "ours" is the paper's method with its repairs, "literal" follows its own rules with an inlier
-threshold of 3 mm, or of the noise where that is larger. Errors are median / worst over the solids
+threshold of 3 mm, or of the noise where that is larger, and corners within 30 mm of their walls,
+60 mm from noise 0.025 up. Errors are median / worst over the solids
 that were found within 100 mm; the angle is taken modulo the true symmetry of the shape."""
 
 _COLUMNS = (100, 50, 25, 16, 8, 4, 2, 1)

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
-from primfit._check import Bools, Floats, check_finite
+from primfit._check import Bools, Floats, check_finite, instance
 from primfit.casting import RayCaster
 from primfit.scans import Scan
 from primfit.sensors import Lidar, check_transforms
@@ -32,8 +32,8 @@ def scan(
 
     Every beam is cast exactly against solids, arena and floor. The range gate is applied to the
     true range; then Gaussian noise is added along the beam, and the range is rounded to the
-    sensor's resolution. A beam without return stays without return. Poses inside a solid or
-    outside the arena are passed over, as in the paper.
+    sensor's resolution. A beam without return stays without return. Poses inside a solid are
+    passed over, as in the paper, and planar ones outside the arena.
 
     Parameters
     ----------
@@ -66,11 +66,11 @@ def scan(
     >>> import primfit
     >>> world = primfit.World(arena=primfit.Arena((1, 1)))
     >>> primfit.scan(world, (0.5, 0.5, 0.0), rng=7)
-    Scan(800 beams from 1 poses, 800 returns, sigma 0 mm)
+    Scan(800 beams from 1 pose, 800 returns, sigma 0 mm)
     """
-    if not isinstance(world, World):
-        raise TypeError(f"world must be a World, not {type(world).__name__}")
+    instance("world", world, World)
     lidar = Lidar() if lidar is None else lidar
+    instance("lidar", lidar, Lidar)
     poses, is_planar = _as_transforms(path, lidar)
     valid = np.flatnonzero(_is_valid(world, poses[:, :3, 3], inside_arena=is_planar))
     if not len(valid):
@@ -121,7 +121,10 @@ def _measure(true: Floats, lidar: Lidar, rng: np.random.Generator) -> Floats:
 
 def _as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, bool]:
     """Sensor poses (n, 4, 4), and whether the path is planar."""
-    array = np.asarray(path, dtype=np.float64)
+    try:
+        array = np.asarray(path, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"path must be an array of numbers: {error}") from None
     if array.shape[-2:] == (4, 4) and array.ndim in (2, 3):
         return check_transforms("path", array.reshape(-1, 4, 4), array.shape), False
     if array.ndim not in (1, 2) or array.shape[-1] != 3:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -132,7 +132,7 @@ class Scan:
             column=_indices("column", column, n),
             pose_index=_indices("pose_index", pose_index, n),
             solid_index=_indices("solid_index", solid_index, n),
-            sigma=_sigma(sigma, n),
+            sigma=as_sigma(sigma, n),
             max_range=None if max_range is None else number("max_range", max_range, above=0.0),
         )
 
@@ -170,7 +170,7 @@ class Scan:
                 origins=unknown,
                 directions=unknown,
                 ranges=unknown[:, 0],
-                sigma=_sigma(sigma, n),
+                sigma=as_sigma(sigma, n),
             )
         starts = _one_or_each("origins", origins, n)
         ranges = np.linalg.norm(cloud - starts, axis=1)
@@ -183,7 +183,7 @@ class Scan:
             origins=starts,
             directions=(cloud - starts) / ranges[:, None],
             ranges=ranges,
-            sigma=_sigma(sigma, n),
+            sigma=as_sigma(sigma, n),
         )
 
     def __len__(self) -> int:
@@ -208,6 +208,21 @@ class Scan:
             changes[name] = None if array is None else array[index]
         sigma = self.sigma[index] if isinstance(self.sigma, np.ndarray) else self.sigma
         return Scan(**changes, sigma=sigma, max_range=self.max_range)
+
+    def moved(self, offset: Floats) -> Scan:
+        """The scan moved by a vector (3,), metres."""
+        return replace(self, points=self.points + offset, origins=self.origins + offset)
+
+    @property
+    def far_offset(self) -> Floats:
+        """A round place (3,) amid the returns when these are far from the origin, else zero.
+
+        Moved there, squares of coordinates keep their digits.
+        """
+        points = self.points[self.is_return]
+        if not len(points) or np.abs(points).max() <= 100.0 * np.ptp(points, axis=0).max():
+            return np.zeros(3)
+        return np.round(np.median(points, axis=0))
 
     def filter_z(self, low: float = -np.inf, high: float = np.inf) -> Scan:
         """The returns whose z is within [low, high], metres (the paper's z filter)."""
@@ -238,11 +253,15 @@ class Scan:
             for name in ("sigma", "max_range"):
                 if name in fields and fields[name].ndim == 0:
                     fields[name] = float(fields[name])
-            return cls(**fields)
+            scan = cls(**fields)
+            n = len(scan.ranges)
+            if any(getattr(scan, name).shape != (n, 3) for name in _ARRAYS[:3]):
+                raise ValueError("arrays differ in length")
+            return scan
         except (ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile):
             raise ValueError(f"{file} is not a scan that primfit wrote") from None
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draw the returns from above; needs matplotlib."""
         from primfit import plotting
 
@@ -250,7 +269,10 @@ class Scan:
 
     def __repr__(self) -> str:
         n = int(self.is_return.sum())
-        poses = "" if self.pose_index is None else f" from {len(np.unique(self.pose_index))} poses"
+        poses = ""
+        if self.pose_index is not None:
+            n_poses = len(np.unique(self.pose_index))
+            poses = f" from {n_poses} pose{'s' * (n_poses != 1)}"
         sigma = ""
         if self.sigma is not None:
             sigma = f", sigma {float(np.max(self.sigma, initial=0.0)) * 1000:g} mm"
@@ -268,7 +290,8 @@ def _one_or_each(name: str, values: ArrayLike, n: int) -> Floats:
     return rows
 
 
-def _sigma(sigma: ArrayLike | None, n: int) -> float | Floats | None:
+def as_sigma(sigma: ArrayLike | None, n: int) -> float | Floats | None:
+    """``sigma`` as None, a number or a column (n,) of numbers, none of them negative."""
     if sigma is None:
         return None
     if np.ndim(sigma) == 0:

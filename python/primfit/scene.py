@@ -76,7 +76,7 @@ class Scene:
     def background(self, without: int | None = None, rows: Any = slice(None)) -> Floats:
         """Range of the nearest surface for some beams, one body left out."""
         parts = [
-            Prism(body.footprint, body.top - self.base, self.base).to_mesh()
+            Prism(body.footprint, body.top - self.base, base=self.base).to_mesh()
             for i, body in enumerate(self.bodies)
             if i != without and body.top > self.base
         ]
@@ -86,7 +86,7 @@ class Scene:
         floor[:, 2] = self.base
         parts.append((floor, np.array([[0, 1, 2], [0, 2, 3]])))
         if self.room is not None:
-            parts.append(Prism(self.room, 10 * self.reach, self.base).to_mesh())
+            parts.append(Prism(self.room, 10 * self.reach, base=self.base).to_mesh())
         first = np.cumsum([0, *(len(vertices) for vertices, _ in parts[:-1])])
         mesh = (
             np.concatenate([vertices for vertices, _ in parts]),

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import Floats, as_vector, integer, number
+from primfit._check import Floats, as_vector, frozen, integer, number
 
 E_PUCK_TURRET = (-0.0095, 0.0, 0.0486)
 """Turret slot of the e-puck in the robot's frame, metres (Webots R2022b documentation)."""
 
 
-@dataclass(frozen=True, kw_only=False)
+@dataclass(frozen=True, eq=False)
 class Lidar:
     """A LiDAR in the terms of the Webots `Lidar` node; the defaults are the paper's setting.
 
@@ -69,7 +69,7 @@ class Lidar:
     max_range: float = 1.0
     noise: float = 0.0
     resolution: float = -1.0
-    mount: Any = (0.0, 0.0, 0.06)
+    mount: Any = field(default=(0.0, 0.0, 0.06), repr=False)
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -101,7 +101,7 @@ class Lidar:
         set_field(self, "max_range", max_range)
         set_field(self, "noise", number("noise", self.noise, low=0.0))
         set_field(self, "resolution", resolution)
-        set_field(self, "mount", _as_transform(self.mount))
+        set_field(self, "mount", frozen(_as_transform(self.mount)))
         if self.number_of_layers > 1:
             most = vertical * self.horizontal_resolution / horizontal
             if self.number_of_layers >= most:
@@ -111,6 +111,16 @@ class Lidar:
                     f"field_of_view = {most:.3g}",
                     stacklevel=3,
                 )
+
+    def _key(self) -> tuple[Any, ...]:
+        plain = (getattr(self, each.name) for each in fields(self) if each.name != "mount")
+        return (*plain, self.mount.tobytes())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Lidar) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
 
     @classmethod
     def vlp16(cls, *, mount: ArrayLike = (0.0, 0.0, 0.0), **changes: Any) -> Lidar:

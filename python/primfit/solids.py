@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -43,7 +43,7 @@ class Prism:
 
     footprint: Floats
     height: float = 0.2
-    base: float = 0.0
+    base: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "footprint", frozen(footprints.clean_footprint(self.footprint)))

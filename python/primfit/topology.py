@@ -53,6 +53,8 @@ class Wall:
     passages : (k,) float64 or None, metres
         Where beams passed the line below the top, along the same axis, sorted; None when origins
         are not known.
+    cleared : float, metres
+        Lowest z above the top at which a beam passed over the wall; infinite for none.
     side : float
         1, or -1 for the wall seen from the back of the patch.
     """
@@ -62,6 +64,7 @@ class Wall:
     low: float
     high: float
     passages: Floats | None
+    cleared: float = np.inf
     side: float = 1.0
 
     @classmethod
@@ -75,7 +78,9 @@ class Wall:
         at = passages(scan, patch.model.equation, patch.axes, sigma)
         passed = np.sort(at[at[:, 1] <= patch.high[1], 0])
         hits = cloud.take(patch.inliers).feet(patch.model.equation) @ patch.axes[0]
-        return cls(number, patch, *_dense_run(hits, passed), passed)
+        low, high = _dense_run(hits, passed)
+        over = at[(at[:, 0] >= low) & (at[:, 0] <= high) & (at[:, 1] > patch.high[1]), 1]
+        return cls(number, patch, low, high, passed, float(over.min(initial=np.inf)))
 
     @property
     def normal(self) -> Floats:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from primfit._check import Bools, Floats, Ints, as_vector, frozen, number
+from primfit._check import Bools, Floats, Ints, frozen, integer, number, range_of
 from primfit.solids import Prism
 
 if TYPE_CHECKING:
@@ -56,10 +56,12 @@ class Arena:
     """
 
     size: tuple[float, float] = (2.0, 2.0)
-    height: float = 0.3
+    height: float = field(default=0.3, kw_only=True)
 
     def __post_init__(self) -> None:
-        size = as_vector("size", np.broadcast_to(np.asarray(self.size, float), (2,)), 2)
+        size = (self.size, self.size) if np.ndim(self.size) == 0 else tuple(self.size)
+        if len(size) != 2:
+            raise ValueError(f"size must be a number or (width, depth), not {self.size!r}")
         width, depth = (number("size", value, above=0.0) for value in size)
         object.__setattr__(self, "size", (width, depth))
         object.__setattr__(self, "height", number("height", self.height, above=0.0))
@@ -95,6 +97,8 @@ class World:
     arena: Arena | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.solids, Iterable):
+            raise TypeError(f"solids must be a sequence of Prism, not {self.solids!r}")
         solids = tuple(self.solids)
         for i, solid in enumerate(solids):
             if not isinstance(solid, Prism):
@@ -176,7 +180,7 @@ class World:
         """
         return self._mesh
 
-    def plot(self, ax: Axes | None = None) -> Axes:
+    def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draw the map from above; needs matplotlib."""
         from primfit import plotting
 
@@ -206,7 +210,7 @@ class World:
                 raise KeyError("primfit")
             arena = content["arena"] and Arena(**content["arena"])
             return cls([Prism(**solid) for solid in content["solids"]], arena)
-        except (UnicodeDecodeError, json.JSONDecodeError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{file} is not a world that primfit wrote: {error!r}") from None
 
     def __repr__(self) -> str:
@@ -299,27 +303,31 @@ def random_world(
     World(3 solids: square, rectangle, square; arena 2 x 2 m)
     """
     rng = np.random.default_rng(rng)
-    ranges = SIZES | (sizes or {})
+    sizes = sizes or {}
     kinds = list(kinds)
-    unknown = [kind for kind in kinds if kind not in SIZES]
-    if unknown or not kinds:
-        raise ValueError(f"kinds must be taken from {', '.join(SIZES)}; not {unknown or kinds}")
-    counts = as_vector("n_solids", np.broadcast_to(np.asarray(n_solids), (2,)), 2)
-    if counts[0] < 0 or counts[1] < counts[0] or (counts % 1).any():
+    for name, chosen in (("kinds", kinds), ("sizes", list(sizes))):
+        unknown = [kind for kind in chosen if kind not in SIZES]
+        if unknown or not kinds:
+            raise ValueError(
+                f"{name} must be taken from {', '.join(SIZES)}; not {unknown or kinds}"
+            )
+    counts = range_of("n_solids", n_solids)
+    if counts[0] < 0 or counts[0] % 1 or counts[1] % 1:
         raise ValueError(f"n_solids must be a count or a range of counts, not {n_solids!r}")
-    for name, limits in [*ranges.items(), ("angles", angles), ("height", height)]:
-        low, high = np.broadcast_to(np.asarray(limits, float), (2,))
-        if not low <= high or (name != "angles" and low <= 0):
-            raise ValueError(f"{name} must be a range of positive numbers, not {limits!r}")
+    limits = {kind: range_of(f"sizes[{kind!r}]", each, above=0.0) for kind, each in sizes.items()}
+    ranges = SIZES | limits
+    turns, heights = range_of("angles", angles), range_of("height", height, above=0.0)
+    wall_height = number("wall_height", wall_height, above=0.0)
+    max_attempts = integer("max_attempts", max_attempts, low=1)
     wall_distance = number("wall_distance", wall_distance, low=0.0)
     buffer = number("buffer", buffer, low=0.0)
-    arena = Arena(size, wall_height)  # type: ignore[arg-type]
+    arena = Arena(size, height=wall_height)  # type: ignore[arg-type]
 
     solids: list[Prism] = []
     for _ in range(rng.integers(int(counts[0]), int(counts[1]) + 1)):
         kind = kinds[rng.integers(len(kinds))]
-        shape = _random_footprint(kind, ranges[kind], rng.uniform(*angles), rng)
-        tall = float(rng.uniform(*np.broadcast_to(np.asarray(height, float), (2,))))
+        shape = _random_footprint(kind, ranges[kind], rng.uniform(*turns), rng)
+        tall = float(rng.uniform(*heights))
         outline = _find_place(shape, solids, arena, wall_distance, buffer, max_attempts, rng)
         solids.append(Prism(outline, tall))
     return World(solids, arena)

@@ -53,7 +53,7 @@ impl RayCaster {
                         .copied()
                         .ok_or(Error::VertexOutOfRange {
                             triangle: row,
-                            vertex: vertex as usize,
+                            vertex,
                             n_vertices: vertices.len(),
                         })?;
                 }

@@ -9,7 +9,7 @@ pub enum Error {
         /// Row of the triangle.
         triangle: usize,
         /// The vertex that it names.
-        vertex: usize,
+        vertex: i64,
         /// How many vertices there are.
         n_vertices: usize,
     },
