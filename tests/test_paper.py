@@ -360,6 +360,16 @@ class TestDetectPlanes:
         with pytest.raises(ValueError, match="method must be one of"):
             primfit.detect(cloud, method="magic")
 
+    @pytest.mark.parametrize("sigma", [-1.0, np.nan, np.inf, [0.1, 0.1]])
+    def test_bad_sigma(self, small_scan, sigma):
+        for call in (primfit.detect, primfit.detect_planes):
+            with pytest.raises(ValueError, match="sigma must be"):
+                call(small_scan, sigma=sigma, rng=1)
+        with pytest.raises(ValueError, match="n_jobs must be"):
+            primfit.detect(small_scan, n_jobs=0)
+        with pytest.raises(TypeError, match="settings must be a PaperSettings"):
+            primfit.detect(small_scan, settings={"eps": 0.1})
+
     def test_progress(self, small_scan):
         seen = []
         primfit.detect(small_scan, rng=1, progress=lambda *done: seen.append(done))

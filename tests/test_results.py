@@ -224,3 +224,25 @@ class TestPictures:
         colors = plotting.plane_colors(40).astype(int)
         assert colors.shape == (41, 3)
         assert np.abs(np.diff(colors[:-1], axis=0)).sum(axis=1).min() > 60
+
+
+def test_national_grid_coordinates_keep_their_digits(tmp_path):
+    offset = np.array([5e6, -5e6, 100.0])
+    world = primfit.random_world(1, 1.0, ["rectangle"], rng=4)
+    scan = primfit.scan(world, primfit.grid_path(world, 0.25, rng=4), rng=4)
+    moved = primfit.Scan.from_rays(
+        scan.origins + offset, scan.directions, scan.ranges, sigma=0.0, max_range=1.0
+    )
+    here, there = primfit.detect(scan, rng=1), primfit.detect(moved, rng=1)
+    assert [each.kind for each in there.solids] == ["rectangle"]
+    difference = (there.solids[0].center - here.solids[0].center - offset)[:2]
+    np.testing.assert_allclose(difference, 0.0, atol=1e-6)
+    distance = moved.points[there.planes[0].inliers] @ there.planes[0].equation[:3]
+    np.testing.assert_allclose(distance + there.planes[0].equation[3], 0.0, atol=1e-6)
+    far = primfit.Prism(world.solids[0].footprint + offset[:2])
+    assert far.kind == "rectangle"
+    np.testing.assert_allclose(far.size, world.solids[0].size, atol=1e-7)
+    for suffix in (".ply", ".las"):
+        primfit.write_points(tmp_path / f"far{suffix}", moved.points[moved.is_return])
+        again = primfit.read_points(tmp_path / f"far{suffix}")
+        np.testing.assert_allclose(again, moved.points[moved.is_return], rtol=0, atol=1e-4)

@@ -269,3 +269,15 @@ class TestPaths:
             primfit.waypoints(full, np.empty((0, 2)))
         with pytest.raises(ValueError, match="spacing must be greater than 0"):
             primfit.grid_path(full, spacing=0)
+
+
+def test_doubled_vertices_count_once():
+    square = [(0, 0), (1, 0), (1, 0), (1, 1), (0, 1), (0, 1e-13)]
+    assert primfit.Prism(square).kind == "square"
+    assert len(primfit.Prism(np.repeat(square, 2, axis=0)).footprint) == 4
+
+
+def test_lidars_with_the_same_numbers_are_equal():
+    assert primfit.Lidar() == primfit.Lidar()
+    assert primfit.Lidar() != primfit.Lidar(mount="e-puck")
+    assert len({primfit.Lidar(), primfit.Lidar(), primfit.Lidar(noise=0.1)}) == 2

@@ -42,15 +42,15 @@ _EQUAL = 0.02
 _Template = Callable[[Floats], Floats]
 
 
-def classify(cycle: Cycle) -> Outline:
+def classify(cycle: Cycle, slack: float = 0.0) -> Outline:
     """The kind that explains an outline with the fewest parameters.
 
     Regular polygon, rectangle, star and free polygon compete by the Bayesian information
     criterion; their vertices are fitted to those of the outline with the covariance that the
-    planes give them.
+    planes give them, and `slack` metres more.
     """
     vertices = cycle.vertices
-    covariance = vertex_covariance(cycle)
+    covariance = vertex_covariance(cycle) + slack**2 * np.eye(2 * len(cycle.vertices))
     n_points = sum(len(wall.patch.inliers) for wall in cycle.walls)
     n = len(vertices)
     # Correlated vertices become independent residuals; rounding sets the least deviation.

@@ -260,7 +260,9 @@ def _solids_by_chains(
             arenas.append(FoundArena(cycle.vertices[::-1], numbers))
             continue
         if how.model_selection and how.refit:
-            outline = classify(cycle)
+            # Without beams a point near a corner may be of either wall.
+            slack = 0.1 * float(np.median(cloud.limit)) if cloud.directions is None else 0.0
+            outline = classify(cycle, slack)
         else:
             outline = classify_by_sides(cycle.vertices, how.side_tolerance)
         solids.append(_solid(outline, numbers, cloud, cycle.walls, base))
@@ -298,7 +300,7 @@ def _solid(
     z = cloud.points[:, 2]
     bottom = float(z.min()) if base is None else base
     highest = max((wall.top for wall in walls), default=float(z.max()))
-    cleared = max(min((wall.cleared for wall in walls), default=np.inf), highest)
+    cleared = min((wall.cleared for wall in walls), default=np.inf)
     is_known = base is not None and np.isfinite(cleared)
     top = (highest + cleared) / 2 if is_known else highest
     inside = shapely.contains_xy(shapely.Polygon(outline.footprint), cloud.points[:, :2])
@@ -313,7 +315,7 @@ def _solid(
         covariance=outline.covariance,
         planes=planes,
         observed=(True,) * len(outline.footprint) + (False, sees_top),
-        height_sigma=(cleared - highest) / np.sqrt(12.0) if is_known else np.nan,
+        height_sigma=float(abs(cleared - highest) / np.sqrt(12.0)) if is_known else np.nan,
     )
 
 
