@@ -29,7 +29,9 @@ def test_demo(tmp_path):
     assert "Ground Truth" in result.stdout
     assert "7 of 7 right, 0 missed, 0 spurious" in result.stdout
     assert (tmp_path / "demo.png").stat().st_size > 20_000
-    again = primfit_command("demo", "--rng", "7", "--json", cwd=tmp_path)
+    again = primfit_command(
+        "demo", "--rng", "7", "--noise", "0.05", "--method", "likelihood", "--json", cwd=tmp_path
+    )
     content = json.loads(again.stdout)
     assert content["report"]["missed"] == []
 

@@ -67,6 +67,7 @@ def _options(
 def demo(
     rng: Seed = None,
     noise: Annotated[float, typer.Option(help="Noise, as a fraction of the range of 1 m.")] = 0.0,
+    method: Annotated[str, typer.Option(help="paper or likelihood.")] = "paper",
     picture: Annotated[Path, typer.Option(help="Picture to write.")] = Path("demo.png"),
     as_json: AsJson = False,
 ) -> None:
@@ -75,7 +76,7 @@ def demo(
     world = primfit.random_world(rng=seed)
     path = primfit.grid_path(world, rng=seed)
     scan = primfit.scan(world, path, primfit.Lidar(noise=noise), rng=seed)
-    found = primfit.detect(scan, rng=seed)
+    found = primfit.detect(scan, method, rng=seed)
     report = primfit.evaluate(found, world)
     from primfit import plotting
 
