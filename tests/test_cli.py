@@ -110,7 +110,7 @@ def test_mistakes_are_explained_in_a_line(words, message, tmp_path):
 @pytest.mark.parametrize("number", range(len(reproduction.TABLES)))
 def test_every_table_of_the_paper(number):
     title, cases = reproduction.TABLES[number]
-    table = reproduction.reproduce(1, rng=1, literal=number < 2, tables=[number])[0]
+    table = reproduction.reproduce(1, rng=1, paper=number < 2, tables=[number])[0]
     assert table.title == title
     assert len(table.rows) == len(cases)
     text = str(table)
@@ -126,6 +126,6 @@ def test_reproduction_does_not_depend_on_where_it_runs():
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(2) as executor:
-        there = reproduction.reproduce(2, rng=5, literal=False, tables=[0], executor=executor)
-    here = reproduction.reproduce(2, rng=5, literal=False, tables=[0])
+        there = reproduction.reproduce(2, rng=5, paper=False, tables=[0], executor=executor)
+    here = reproduction.reproduce(2, rng=5, paper=False, tables=[0])
     assert here[0].to_dict() == there[0].to_dict()

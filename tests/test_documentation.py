@@ -53,7 +53,7 @@ def test_readme_on_the_command_line(tmp_path):
     for line in lines:
         words = shlex.split(line)[1:]
         if words[0] == "reproduce":
-            words = ["reproduce", "-n", "1", "--no-literal", *words[3:]]
+            words = ["reproduce", "-n", "1", "--no-paper", *words[3:]]
         result = primfit_command(*words, cwd=tmp_path)
         assert result.returncode == 0, result.stderr
     assert {"demo.png", "scan.npz", "found.png", "solids.obj"} <= {

@@ -5,13 +5,45 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "BeamBlocks",
     "RayCaster",
+    "carve",
     "dbscan",
     "fit_plane",
     "fit_plane_to_ranges",
-    "prism_costs",
     "score_planes",
 ]
+
+@final
+class BeamBlocks:
+    def __new__(
+        cls,
+        origins: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        ranges: NDArray[np.float64],
+        background: NDArray[np.float64],
+        sigmas: NDArray[np.float64],
+        max_range: float,
+        outlier: float,
+        missing: float,
+    ) -> BeamBlocks: ...
+    def __len__(self) -> int: ...
+    def costs(
+        self,
+        footprints: NDArray[np.float64],
+        bottoms: NDArray[np.float64],
+        tops: NDArray[np.float64],
+        n_jobs: int | None = None,
+    ) -> NDArray[np.float64]: ...
+    def wall_depths(self, footprint: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def expand(
+        self,
+        footprint: NDArray[np.float64],
+        bottom: float,
+        top: float,
+        slack: float = 0.0,
+        top_slack: float = 0.0,
+    ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]: ...
 
 @final
 class RayCaster:
@@ -24,6 +56,17 @@ class RayCaster:
         n_jobs: int | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]: ...
 
+def carve(
+    origins: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    certain: NDArray[np.float64],
+    reach: float,
+    low: Sequence[float],
+    cell: float,
+    shape: Sequence[int],
+    levels: Sequence[float],
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]: ...
 def dbscan(points: NDArray[np.float64], eps: float, min_samples: int) -> NDArray[np.int64]: ...
 def fit_plane(
     points: NDArray[np.float64], weights: NDArray[np.float64], normal_space: NDArray[np.float64]
@@ -41,18 +84,5 @@ def score_planes(
     threshold: float,
     directions: NDArray[np.float64] | None = None,
     msac: bool = False,
-    n_jobs: int | None = None,
-) -> NDArray[np.float64]: ...
-def prism_costs(
-    origins: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    ranges: NDArray[np.float64],
-    background: NDArray[np.float64],
-    sigmas: NDArray[np.float64],
-    max_range: float,
-    cap: float,
-    footprints: NDArray[np.float64],
-    bottoms: NDArray[np.float64],
-    tops: NDArray[np.float64],
     n_jobs: int | None = None,
 ) -> NDArray[np.float64]: ...

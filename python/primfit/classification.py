@@ -76,7 +76,7 @@ def classify(cycle: Cycle, slack: float = 0.0) -> Outline:
                 size=float(size[0]) if len(size) == 1 else (float(size[0]), float(size[1])),
                 covariance=np.linalg.inv(solution.jac.T @ solution.jac),
             )
-    return best or _free_polygon(vertices, covariance)
+    return best or free_polygon(vertices, covariance)
 
 
 def _templates(vertices: Floats) -> list[tuple[str, _Template, Floats]]:
@@ -129,7 +129,8 @@ def _templates(vertices: Floats) -> list[tuple[str, _Template, Floats]]:
     return kinds
 
 
-def _free_polygon(vertices: Floats, covariance: Floats) -> Outline:
+def free_polygon(vertices: Floats, covariance: Floats) -> Outline:
+    """Vertices (m, 2) with their covariance (2m, 2m) as an outline of no known kind."""
     footprint = footprints.clean_footprint(vertices)
     n = len(vertices)
     order = footprints.symmetry(footprint, _EQUAL)[1]

@@ -67,7 +67,7 @@ def _options(
 def demo(
     rng: Seed = None,
     noise: Annotated[float, typer.Option(help="Noise, as a fraction of the range of 1 m.")] = 0.0,
-    method: Annotated[str, typer.Option(help="paper or likelihood.")] = "paper",
+    method: Annotated[str, typer.Option(help="likelihood or paper.")] = "likelihood",
     picture: Annotated[Path, typer.Option(help="Picture to write.")] = Path("demo.png"),
     as_json: AsJson = False,
 ) -> None:
@@ -130,11 +130,15 @@ def scan(
 def detect(
     file: Annotated[Path, typer.Argument(help="A scan of primfit (.npz), or a cloud.")],
     world: Annotated[Path | None, typer.Option(help="The truth (.json), to compare with.")] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(help="likelihood or paper. Scans of primfit: likelihood, clouds: paper."),
+    ] = None,
     orientation: Annotated[
         str | None,
         typer.Option(
-            help="vertical (planes and upright solids), horizontal or any (planes only). "
-            "Scans of primfit: vertical, clouds: any."
+            help="Of the paper method: vertical (planes and upright solids), horizontal or any "
+            "(planes only). Scans of primfit: vertical, clouds: any."
         ),
     ] = None,
     origin: Annotated[
@@ -143,9 +147,11 @@ def detect(
     ] = None,
     sigma: Annotated[float | None, typer.Option(help="Noise, metres; estimated if none.")] = None,
     threshold: Annotated[
-        float | None, typer.Option(help="Greatest distance of an inlier, metres.")
+        float | None, typer.Option(help="Of the paper method: distance of an inlier, metres.")
     ] = None,
-    min_points: Annotated[int | None, typer.Option(help="Least inliers of a plane.")] = None,
+    min_points: Annotated[
+        int | None, typer.Option(help="Of the paper method: least inliers of a plane.")
+    ] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (.png).")] = None,
     cloud: Annotated[Path | None, typer.Option(help="Coloured cloud to write (.ply ...).")] = None,
     mesh: Annotated[Path | None, typer.Option(help="Solids to write (.ply .obj .stl).")] = None,
@@ -156,20 +162,17 @@ def detect(
     """Find planes and solids in a scan or cloud; a cloud is also written coloured by plane."""
     recorded, n_left_out = _read(file, origin)
     is_scan = recorded.pose_index is not None
-    wanted = orientation or ("vertical" if is_scan else "any")
-    least = min_points
-    if least is None:
+    options: dict[str, Any] = {}
+    if method is None:
+        by_planes = orientation or threshold or min_points
+        method = "likelihood" if is_scan and not by_planes else "paper"
+    if method == "paper":
         least = 10 if is_scan else max(10, len(recorded) // 500)
-    found = primfit.detect(
-        recorded,
-        rng=rng,
-        orientation=wanted,
-        sigma=sigma,
-        settings=primfit.PaperSettings(
-            threshold=threshold,
-            min_points=least,
-        ),
-    )
+        options["orientation"] = orientation or ("vertical" if is_scan else "any")
+        options["settings"] = primfit.PaperSettings(
+            threshold=threshold, min_points=min_points or least
+        )
+    found = primfit.detect(recorded, method, rng=rng, sigma=sigma, **options)
     if not is_scan:
         picture = picture or Path(f"{file.stem}_planes.png")
         cloud = cloud or Path(f"{file.stem}_planes.ply")
@@ -248,16 +251,21 @@ def reproduce(
         int, typer.Option("-n", min=1, help="Random maps or solids behind each row.")
     ] = 20,
     rng: Seed = 0,
-    literal: Annotated[
-        bool, typer.Option(help="Show the paper's own rules beside the repaired method.")
+    paper: Annotated[
+        bool, typer.Option(help="Show the paper's method beside ours, repaired and literal.")
     ] = True,
     table: Annotated[
         list[int] | None,
         typer.Option(
-            min=1, max=11, help="Number of a table, again for more; 10 is noise 0.06, 11 columns."
+            min=1,
+            max=12,
+            help="Number of a table, again for more: 10 is noise 0.06, 11 columns, 12 noisy maps.",
         ),
     ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    figure: Annotated[
+        Path | None, typer.Option(help="Picture of found and error against noise to write.")
+    ] = None,
     as_json: AsJson = False,
     progress: Annotated[bool, typer.Option(help="Show a bar.")] = True,
 ) -> None:
@@ -268,11 +276,15 @@ def reproduce(
         tables = reproduction.reproduce(
             n,
             rng=rng,
-            literal=literal,
+            paper=paper,
             tables=[number - 1 for number in table] if table else None,
             executor=executor if jobs > 1 else None,
             progress=progress and sys.stderr.isatty(),
         )
+    if figure:
+        from primfit import plotting
+
+        plotting.save_against_noise(figure, tables[-1])
     if as_json:
         _say(json.dumps([table.to_dict() for table in tables]))
         return

@@ -322,7 +322,7 @@ def _without_nan(values: dict[str, Any]) -> dict[str, Any]:
 
 def detect(
     scan: Scan | ArrayLike,
-    method: str = "paper",
+    method: str | None = None,
     *,
     rng: Any = None,
     **options: Any,
@@ -333,10 +333,11 @@ def detect(
     ----------
     scan : Scan or (n, 3) float64, metres
         The raw scan, floor returns included, or a bare cloud.
-    method : str
+    method : str or None
+        "likelihood": solids that explain all ranges, returned or not, which stands noise as large
+        as the solids (see `detect_likelihood`); it asks where the beams began.
         "paper": RANSAC, DBSCAN, intersections and cycles, with repairs (see `detect_paper`).
-        "likelihood": solids of known kinds that explain all ranges, returned or not, which stands
-        far more noise (see `detect_likelihood`).
+        None is "likelihood" for a scan with origins, and "paper" for a bare cloud.
     rng : None, int or numpy.random.Generator
         Same `rng`, same result, at any number of threads.
     **options
@@ -363,7 +364,9 @@ def detect(
     from primfit.paper import detect_paper
 
     methods = {"paper": detect_paper, "likelihood": detect_likelihood}
-    run = methods[choice("method", method, list(methods))]
     recorded = scan if isinstance(scan, Scan) else Scan.from_points(scan)
+    if method is None:
+        method = "likelihood" if recorded.has_origins else "paper"
+    run = methods[choice("method", method, list(methods))]
     offset = recorded.far_offset
     return run(recorded.moved(-offset), rng, **options).moved(offset, recorded)

@@ -6,9 +6,12 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from primfit._check import Floats
+from primfit.scans import Scan
 
 _NEIGHBOURS = (16, 32, 64, 128, 256, 512, 1024)
 _SAMPLES = 400
+_ORIGINS = 32
+_BESIDE = 12
 _FLATNESS = 6.0
 """Second smallest over smallest eigenvalue from which a neighbourhood counts as a flat one."""
 
@@ -53,3 +56,28 @@ def estimate_sigma(points: Floats, directions: Floats | None, rng: np.random.Gen
     if np.isnan(sigma).all():
         return float(np.ptp(points, axis=0).max()) * FLOOR
     return float(np.nanmedian(sigma))
+
+
+def estimate_range_sigma(scan: Scan, rng: np.random.Generator) -> float:
+    """Standard deviation of the ranges, metres, from neighbouring beams of the same origin.
+
+    The median over random beams of what a linear trend in direction leaves of the ranges of the
+    nearest ones. Unlike points in space these are neighbours however large the noise is.
+    """
+    returns = np.flatnonzero(scan.is_return)
+    keys = np.unique(scan.origins[returns], axis=0, return_inverse=True)[1].ravel()
+    variances = []
+    for key in rng.permutation(int(keys.max()) + 1)[:_ORIGINS]:
+        rows = returns[keys == key]
+        if len(rows) < 3 * _BESIDE:
+            continue
+        ways, ranges = scan.directions[rows], scan.ranges[rows]
+        at = rng.integers(len(rows), size=_BESIDE)
+        beside = KDTree(ways).query(ways[at], k=_BESIDE)[1]
+        trend = np.concatenate([np.ones((*beside.shape, 1)), ways[beside]], axis=2)
+        fitted = trend @ np.linalg.pinv(trend, rcond=1e-6) @ ranges[beside][..., None]
+        left = ((ranges[beside] - fitted[..., 0]) ** 2).sum(axis=1)
+        variances.append(left / (_BESIDE - np.linalg.matrix_rank(trend, tol=1e-6)))
+    if not variances:
+        return float(np.ptp(scan.ranges[returns])) * FLOOR
+    return float(np.sqrt(np.median(np.concatenate(variances))))

@@ -293,7 +293,7 @@ def bounded(
         own = np.flatnonzero(owner == number_)
         at = cloud.take(own).feet(equation) @ patch.axes.T
         at = at[np.isfinite(at).all(axis=1)]
-        corners, area = _hull(at)
+        corners, area = hull(at)
         boundary = at[corners] @ patch.axes - equation[3] * equation[:3]
         planes.append(
             Plane(
@@ -332,7 +332,7 @@ def find_floor(cloud: Cloud, rows: Ints, rng: np.random.Generator) -> Plane | No
     return planes[0] if planes[0].area > 0.0 else None
 
 
-def _hull(at: Floats) -> tuple[Ints, float]:
+def hull(at: Floats) -> tuple[Ints, float]:
     """Corners of the convex hull of points in the plane, and its area."""
     if len(at) < 3:
         return np.arange(len(at)), 0.0

@@ -4,24 +4,47 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import lgamma
 
 import numpy as np
 
 from primfit._check import Floats
 
-_LEAST_SHARE = 0.2
-"""Share of a generation that must keep weight: the temperature is chosen for it."""
+_LEAST_SIZE = 0.3
+"""Effective share of the draws of some generations by which the next one is adapted."""
 
-_MOST_SHARE = 0.7
-"""Share of a generation that keeps weight when it is too narrow."""
+_MEMORY = 4
+"""Generations that are remembered."""
 
-_GROWTH, _WIDENING = 1.2, 3.0
-"""By how much the variance of a generation exceeds that of the weighted one before."""
+_DEGREES = 6.0
+"""Of freedom of the proposal: its tails are heavier than those of a jumping likelihood."""
+
+_GROWTH = 1.1
+"""By how much the variance of a generation exceeds that of the weighted ones before."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How hard `sample` tries.
+
+    Attributes
+    ----------
+    n : int
+        Draws of a generation.
+    generations : int
+        Most of them.
+    wanted : float
+        Effective number of draws at which it ends.
+    """
+
+    n: int
+    generations: int
+    wanted: float
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """What the last generations say of the parameters.
+    """What draws say of the parameters.
 
     Attributes
     ----------
@@ -31,15 +54,18 @@ class Posterior:
         Parameters of least cost seen.
     cost : float
         Theirs.
-    temperature : float
-        1 when the sampler has settled; above it the spread is too wide by its square root.
+    log_evidence : float
+        Logarithm of the integral of ``exp(-cost)``.
+    size : float
+        Effective number of draws (Kish) behind mean, covariance and evidence.
     """
 
     mean: Floats
     covariance: Floats
     best: Floats
     cost: float
-    temperature: float
+    log_evidence: float
+    size: float
 
 
 def sample(
@@ -47,69 +73,76 @@ def sample(
     mean: Floats,
     covariance: Floats,
     rng: np.random.Generator,
-    *,
-    n: int = 64,
-    generations: int = 30,
-    settled: int = 3,
+    effort: Effort,
 ) -> Posterior:
-    """Population Monte Carlo with a normal proposal that follows the posterior.
+    """Adaptive importance sampling with a Student proposal that follows the posterior.
 
-    Each generation is drawn from the weighted mean and covariance of the one before, weighted by
-    ``exp(-cost / temperature)``; the temperature is the least, but at least 1, that leaves weight
-    to a share of the generation. It ends when `settled` generations in a row had temperature 1;
-    their draws, corrected for the proposal, give mean and covariance.
+    Each generation is drawn from mean and covariance of the ones before, weighted against the
+    mixture of their proposals; where few draws would carry all the weight, the weights are
+    tempered. It ends when the draws are worth as many independent ones as are wanted.
 
-    Cappe, Guillin, Marin, Robert: Population Monte Carlo, JCGS 13, 2004.
+    Cornuet, Marin, Mira, Robert: Adaptive Multiple Importance Sampling, Scandinavian Journal of
+    Statistics 39, 2012.
 
     Parameters
     ----------
     cost : callable
-        Negative log-likelihood (n,) of parameters (n, d).
+        Negative log-likelihood (n,) of parameters (n, d); infinite where they are not admitted.
     mean, covariance : (d,) and (d, d) float64
         Where to start.
-    n, generations, settled : int
+    effort : Effort
     """
-    d = len(mean)
-    least = 1e-24 * np.eye(d)
+    n = effort.n
     best, best_cost = mean, np.inf
-    kept: list[tuple[Floats, Floats]] = []
-    temperature = np.inf
-    for _ in range(generations):
-        root = np.linalg.cholesky(covariance + least)
-        standard = rng.normal(size=(n, d))
+    draws, costs = np.empty((0, len(mean))), np.empty(0)
+    proposals: list[tuple[Floats, Floats]] = []
+    for _ in range(effort.generations):
+        proposals = [*proposals, (mean, _root(covariance))][-_MEMORY:]
+        standard = rng.normal(size=(n, len(mean)))
+        standard *= np.sqrt(_DEGREES / rng.chisquare(_DEGREES, size=(n, 1)))
         standard[0] = 0.0
-        draws = mean + standard @ root.T
-        costs = cost(draws)
+        drawn = mean + standard @ proposals[-1][1].T
+        draws = np.concatenate([draws, drawn])[-_MEMORY * n :]
+        costs = np.concatenate([costs, cost(drawn)])[-_MEMORY * n :]
         lowest = int(np.argmin(costs))
         if costs[lowest] < best_cost:
             best, best_cost = draws[lowest], float(costs[lowest])
-        temperature = _temperature(costs, _LEAST_SHARE * n)
-        weights = np.exp(-(costs - costs[lowest]) / temperature)
-        growth = _GROWTH
-        if temperature == 1.0:
-            log_weights = -costs + 0.5 * (standard**2).sum(axis=1)
-            corrected = np.exp(log_weights - log_weights.max())
-            if _size(weights) > _MOST_SHARE * n:
-                # The generation sees hardly any slope: it has become narrower than the posterior.
-                kept.clear()
-                growth = _WIDENING
-            else:
-                kept.append((draws, log_weights))
-                if len(kept) >= settled:
-                    break
-                if _size(corrected) >= _LEAST_SHARE * n:
-                    weights = corrected
-        else:
-            kept.clear()
-        center, around = _moments(draws, weights)
-        # While the mean still moves, the spread takes in its step, lest it run dry on the way.
-        step = center - mean if temperature > 1.0 else np.zeros(d)
-        mean, covariance = center, growth * (around + np.outer(step, step))
-    if kept:
-        log_weights = np.concatenate([each for _, each in kept])
-        draws = np.concatenate([each for each, _ in kept])
-        mean, covariance = _moments(draws, np.exp(log_weights - log_weights.max()))
-    return Posterior(mean, covariance, best, best_cost, float(temperature))
+        if np.isfinite(costs).sum() <= 2 * len(mean):
+            # Too few are admitted to tell a spread.
+            mean, covariance = best, covariance / 4.0
+            continue
+        log_weights = -costs - _log_mixture(draws, proposals)
+        weights = np.exp(log_weights - log_weights.max())
+        if _size(weights) >= effort.wanted:
+            break
+        mean, around = _moments(draws, _tempered(log_weights, _LEAST_SIZE * n))
+        covariance = _GROWTH * around
+    if np.isfinite(costs).sum() <= 2 * len(mean):
+        return Posterior(best, covariance, best, best_cost, -np.inf, 0.0)
+    mean, covariance = _moments(draws, weights)
+    evidence = float(np.log(weights.mean()) + log_weights.max())
+    return Posterior(mean, covariance, best, best_cost, evidence, _size(weights))
+
+
+def _root(covariance: Floats) -> Floats:
+    """A square root (d, d) of a covariance that rounding may have made singular."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    correlation = covariance / np.outer(scale, scale)
+    root: Floats = np.linalg.cholesky(correlation + 1e-10 * np.eye(len(scale)))
+    return scale[:, None] * root
+
+
+def _log_mixture(draws: Floats, proposals: list[tuple[Floats, Floats]]) -> Floats:
+    """Logarithm of the density of draws (n, d) under all proposals together."""
+    d, nu = draws.shape[1], _DEGREES
+    peak = lgamma((nu + d) / 2) - lgamma(nu / 2) - 0.5 * d * np.log(nu * np.pi)
+    logs = []
+    for mean, root in proposals:
+        standard = (draws - mean) @ np.linalg.inv(root).T
+        scale = float(np.log(np.diag(root)).sum())
+        logs.append(peak - scale - 0.5 * (nu + d) * np.log1p((standard**2).sum(axis=1) / nu))
+    mixed: Floats = np.logaddexp.reduce(logs, axis=0) - np.log(len(logs))
+    return mixed
 
 
 def _moments(draws: Floats, weights: Floats) -> tuple[Floats, Floats]:
@@ -124,18 +157,16 @@ def _size(weights: Floats) -> float:
     return float(weights.sum() ** 2 / (weights**2).sum())
 
 
-def _temperature(costs: Floats, least_size: float) -> float:
-    """The least temperature, 1 or above, with an effective sample of `least_size`."""
-
-    def size(temperature: float) -> float:
-        return _size(np.exp(-(costs - costs.min()) / temperature))
-
-    if size(1.0) >= least_size:
-        return 1.0
-    low, high = 1.0, 2.0
-    while size(high) < least_size:
-        low, high = high, 2.0 * high
-    for _ in range(8):
-        middle = np.sqrt(low * high)
-        low, high = (middle, high) if size(middle) < least_size else (low, middle)
-    return float(high)
+def _tempered(log_weights: Floats, least_size: float) -> Floats:
+    """Weights to the largest power, 1 at the most, with an effective size of `least_size`."""
+    weights = np.zeros(len(log_weights))
+    admitted = np.isfinite(log_weights)
+    behind = log_weights[admitted] - log_weights.max()
+    low, high = 0.0, 1.0
+    if _size(np.exp(behind)) >= least_size:
+        low = 1.0
+    while high - low > 1e-3 * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if _size(np.exp(middle * behind)) > least_size else (low, middle)
+    weights[admitted] = np.exp(low * behind)
+    return weights

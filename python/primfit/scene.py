@@ -2,124 +2,351 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from primfit import _primfit
-from primfit._check import Floats, Ints
+from primfit._check import Bools, Floats, Ints
 from primfit.casting import RayCaster
-from primfit.sampling import Posterior
 from primfit.scans import Scan
 from primfit.solids import Prism
-from primfit.templates import Template
+from primfit.worlds import FLOOR, NOTHING
 
-CAP = 12.5
-"""Cost of a beam that the scene does not explain: as much as five standard deviations."""
+LEAST_SIGMA = 2e-5
+"""Least standard deviation, as a fraction of the sensor's reach: corners of exact ranges."""
 
-_LEAST_SIGMA = 5e-4
-"""Least standard deviation, as a fraction of the sensor's reach, for a likelihood to be climbed."""
+_SOME = 4
+"""One beam in so many tells whether a solid is there at all."""
+
+_RARE = 1e-5
+"""Least share of outliers, and of lost returns: what is never seen may still happen."""
 
 
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A solid of the scene as it stands: a guess at first, then a fitted template."""
+@dataclass(frozen=True, kw_only=True)
+class Noise:
+    """How beams err.
+
+    A beam whose nearest surface is within the sensor's range returns it with Gaussian noise, but
+    for a share of lost returns, and a share of outliers of any range up to the longest.
+
+    Attributes
+    ----------
+    sigma : (n,) float64, metres
+        Standard deviation of each beam's range.
+    reach : float, metres
+        Longest range.
+    outliers, lost : float
+        Their shares.
+    """
+
+    sigma: Floats
+    reach: float
+    outliers: float = _RARE
+    lost: float = _RARE
+
+    @cached_property
+    def outlier_price(self) -> float:
+        """Most that a return costs: there an outlier is as likely as the noise."""
+        peak = float(np.median(self.sigma)) * np.sqrt(2 * np.pi) / self.reach
+        return max(float(-np.log(max(self.outliers, _RARE) * peak)), 4.5)
+
+    @property
+    def missing_price(self) -> float:
+        """What a beam costs that should return and does not."""
+        return float(-np.log(max(self.lost, _RARE)))
+
+    def costs(self, ranges: Floats, expected: Floats, sigma: Floats) -> Floats:
+        """Negative log-likelihood (k,) of ranges of beams that should meet something there."""
+        foreseen, returned = expected <= self.reach, np.isfinite(ranges)
+        with np.errstate(invalid="ignore"):
+            explained = np.minimum(0.5 * ((ranges - expected) / sigma) ** 2, self.outlier_price)
+        mismatch = self.outlier_price * returned + self.missing_price * foreseen
+        return np.where(foreseen & returned, explained, mismatch)
+
+
+class Beams:
+    """Some beams, with what they meet when the solid in question is not there.
+
+    Parameters
+    ----------
+    arrays : origins (n, 3), directions (n, 3), ranges (n,), background (n,), sigmas (n,)
+        float64, metres.
+    noise : Noise
+    base : float, metres
+        z of the floor, on which solids stand.
+    stride : int
+        Each beam stands for so many.
+    """
+
+    def __init__(
+        self, arrays: tuple[Floats, ...], noise: Noise, base: float, n_jobs: int | None, stride: int
+    ) -> None:
+        self.arrays = arrays
+        self.noise = noise
+        self.base = base
+        self.n_jobs = n_jobs
+        self.stride = stride
+        o, d, r, b, s = (np.ascontiguousarray(array) for array in arrays)
+        prices = noise.reach, noise.outlier_price, noise.missing_price
+        self._core = _primfit.BeamBlocks(o, d, r, b, s, *prices)
+
+    def __len__(self) -> int:
+        return self.stride * len(self._core)
+
+    def costs(self, footprints: Floats, tops: Floats) -> Floats:
+        """Negative log-likelihood of each candidate: footprints (k, m, 2) and tops (k,)."""
+        n = len(footprints)
+        corners, heights = np.ascontiguousarray(footprints), np.ascontiguousarray(tops)
+        return self.stride * self._core.costs(corners, np.full(n, self.base), heights, self.n_jobs)
+
+    def expand(self, footprint: Floats, top: float) -> tuple[float, Floats, Floats]:
+        """Cost of a prism, with gradient (2m,) and information (2m, 2m) of its corners."""
+        cost, gradient, information, _ = self._core.expand(
+            np.ascontiguousarray(footprint), self.base, top
+        )
+        return self.stride * cost, self.stride * gradient, self.stride * information
+
+    def wall_depths(self, footprint: Floats) -> Floats:
+        """How far each beam first meets the walls over a footprint, however high they are."""
+        depths: Floats = self._core.wall_depths(np.ascontiguousarray(footprint))
+        return depths
+
+    def around(self, footprint: Floats, top: float, slack: float, top_slack: float) -> Local:
+        """The likelihood of prisms whose corners and top are near those of a given one."""
+        cost, gradient, information, rows = self._core.expand(
+            np.ascontiguousarray(footprint), self.base, top, slack, top_slack
+        )
+        scale = self.stride
+        return Local(
+            footprint=footprint,
+            top=top,
+            slack=slack,
+            top_slack=top_slack,
+            cost=scale * cost,
+            gradient=scale * gradient,
+            information=scale * information,
+            open_beams=self._take(rows, self.stride, self.arrays[4]),
+        )
+
+    def thinned(self, stride: int, least_sigma: float) -> Beams:
+        """Every so manieth beam, taken as no more exact than `least_sigma`."""
+        sigmas = np.maximum(self.arrays[4], least_sigma)
+        return self._take(slice(None, None, stride), self.stride * stride, sigmas)
+
+    def some(self, stride: int) -> Beams:
+        """Every so manieth beam, as if there were no others."""
+        return self if stride == 1 else self._take(slice(None, None, stride), 1, self.arrays[4])
+
+    def _take(self, rows: Any, stride: int, sigmas: Floats) -> Beams:
+        o, d, r, b, _ = self.arrays
+        arrays = tuple(array[rows] for array in (o, d, r, b, sigmas))
+        return Beams(arrays, self.noise, self.base, self.n_jobs, stride)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Local:
+    """The likelihood near one prism: a quadratic, and the beams at its silhouettes.
+
+    Attributes
+    ----------
+    footprint : (m, 2) float64, metres
+    top : float, metres
+    slack, top_slack : float, metres
+        How far corners and top may move; beyond, the cost is infinite.
+    cost, gradient (2m,), information (2m, 2m)
+        Of the beams that meet the same wall for all such prisms.
+    open_beams : Beams
+        The others.
+    """
 
     footprint: Floats
     top: float
-    fits: tuple[tuple[Template, Posterior], ...] = ()
-    gain: float = 0.0
+    slack: float
+    top_slack: float
+    cost: float
+    gradient: Floats
+    information: Floats
+    open_beams: Beams
+
+    def costs(self, footprints: Floats, tops: Floats) -> Floats:
+        """Negative log-likelihood of candidates: footprints (k, m, 2) and tops (k,)."""
+        moves = footprints - self.footprint
+        far = (moves**2).sum(axis=-1).max(axis=1) > self.slack**2
+        far |= np.abs(tops - self.top) > self.top_slack
+        flat = moves.reshape(len(moves), -1)
+        smooth = flat @ self.gradient + 0.5 * ((flat @ self.information) * flat).sum(axis=1)
+        costs = np.full(len(moves), np.inf)
+        near = np.flatnonzero(~far)
+        costs[near] = self.cost + smooth[near]
+        if len(near) and len(self.open_beams):
+            costs[near] += self.open_beams.costs(footprints[near], tops[near])
+        return costs
 
 
 @dataclass(frozen=True, eq=False)
-class Beams:
-    """Beams that may meet a solid, with what they meet otherwise."""
+class Obstacle:
+    """An upright prism that beams may meet, from the floor up to z = top."""
 
-    arrays: tuple[Floats, Floats, Floats, Floats, Floats]
-    reach: float
-    stride: int
-    base: float
-    n_jobs: int | None
+    footprint: Floats
+    top: float
 
-    def costs(self, footprints: Floats, tops: Floats) -> Floats:
-        """Negative log-likelihood of each candidate."""
-        n = len(footprints)
-        costs = _primfit.prism_costs(
-            *self.arrays,
-            self.reach,
-            CAP,
-            np.ascontiguousarray(footprints),
-            np.full(n, self.base),
-            np.ascontiguousarray(tops),
-            self.n_jobs,
-        )
-        return self.stride * costs
+    @cached_property
+    def _unit(self) -> tuple[Floats, Ints]:
+        return Prism(self.footprint, 1.0).to_mesh()
 
-    def __len__(self) -> int:
-        return self.stride * len(self.arrays[0])
+    def mesh(self, base: float) -> tuple[Floats, Ints, Ints]:
+        """Vertices (2m, 3), triangles (t, 3) and the face of each: walls, top (m), bottom."""
+        vertices, triangles = self._unit
+        m = len(vertices) // 2
+        faces = np.concatenate([np.tile(np.arange(m), 2), np.repeat([m + 1, m], m - 2)])
+        return vertices * [1.0, 1.0, self.top - base] + [0.0, 0.0, base], triangles, faces
 
 
 class Scene:
-    """The scan and the surfaces that explain it so far."""
+    """The scan and the surfaces that explain it so far.
 
-    def __init__(self, scan: Scan, sigma: float, base: float, n_jobs: int | None) -> None:
+    Attributes
+    ----------
+    scan : Scan
+    noise : Noise
+    base : float, metres
+        z of the floor.
+    room : (m, 2) float64 or None
+        Walls around all, as high as any beam.
+    obstacles : list of Obstacle
+        The solids.
+    """
+
+    def __init__(self, scan: Scan, noise: Noise, base: float, n_jobs: int | None) -> None:
         self.scan = scan
+        self.noise = noise
         self.base = base
         self.n_jobs = n_jobs
-        farthest = float(scan.ranges[scan.is_return].max(initial=0.0))
-        self.reach = farthest if scan.max_range is None else scan.max_range
-        self.sigma = max(sigma, _LEAST_SIGMA * self.reach)
         self.room: Floats | None = None
-        self.bodies: list[Body] = []
+        self.obstacles: list[Obstacle] = []
 
-    def background(self, without: int | None = None, rows: Any = slice(None)) -> Floats:
-        """Range of the nearest surface for some beams, one body left out."""
-        parts = [
-            Prism(body.footprint, body.top - self.base, base=self.base).to_mesh()
-            for i, body in enumerate(self.bodies)
-            if i != without and body.top > self.base
+    @cached_property
+    def _ways(self) -> tuple[Floats, Floats]:
+        """Horizontal unit directions (n, 2) of the beams, and how level they are (n,)."""
+        way = self.scan.directions[:, :2]
+        level = np.maximum(np.hypot(*way.T), 1e-12)
+        return way / level[:, None], level
+
+    def background(
+        self, without: int | None = None, rows: Any = slice(None), *, floor: bool = True
+    ) -> Floats:
+        """Range of the nearest surface for some beams, one obstacle left out."""
+        return self._cast(without, rows, floor)[0]
+
+    def first_hits(self) -> tuple[Floats, Ints, Ints]:
+        """Range, part and face of the nearest surface of each beam.
+
+        A part is the number of an obstacle, `FLOOR`, `NOTHING`, or the number of obstacles for the
+        room. The faces of a prism are its walls in order, then its top and bottom.
+        """
+        expected, triangles, surfaces = self._cast(None, slice(None), True)
+        parts, faces = np.append(surfaces, [[NOTHING, -1]], axis=0)[triangles].T
+        return expected, parts, faces
+
+    def _cast(self, without: int | None, rows: Any, floor: bool) -> tuple[Floats, Ints, Ints]:
+        """Range and triangle for some beams, and part and face (t, 2) of each triangle."""
+        reach = self.noise.reach
+        solids = [
+            (i, each)
+            for i, each in enumerate(self.obstacles)
+            if i != without and each.top > self.base
         ]
-        low = self.scan.origins[:, :2].min(axis=0) - 10 * self.reach
-        high = self.scan.origins[:, :2].max(axis=0) + 10 * self.reach
-        floor = np.array([[*low, 0], [high[0], low[1], 0], [*high, 0], [low[0], high[1], 0]], float)
-        floor[:, 2] = self.base
-        parts.append((floor, np.array([[0, 1, 2], [0, 2, 3]])))
         if self.room is not None:
-            parts.append(Prism(self.room, 10 * self.reach, base=self.base).to_mesh())
-        first = np.cumsum([0, *(len(vertices) for vertices, _ in parts[:-1])])
+            solids.append((len(self.obstacles), Obstacle(self.room, self.ceiling)))
+        meshes, surfaces = [], []
+        for part, solid in solids:
+            vertices, triangles, faces = solid.mesh(self.base)
+            meshes.append((vertices, triangles))
+            surfaces.append(np.column_stack([np.full(len(faces), part), faces]))
+        if floor or not meshes:
+            low, high = self._extent[0] - 10 * reach, self._extent[1] + 10 * reach
+            z = self.base if floor else self.base - 100 * reach
+            corners = [[*low, z], [high[0], low[1], z], [*high, z], [low[0], high[1], z]]
+            meshes.append((np.array(corners), np.array([[0, 1, 2], [0, 2, 3]])))
+            surfaces.append(np.array([[FLOOR, 0], [FLOOR, 0]]))
+        first = np.cumsum([0, *(len(vertices) for vertices, _ in meshes[:-1])])
         mesh = (
-            np.concatenate([vertices for vertices, _ in parts]),
-            np.concatenate([rows + i for (_, rows), i in zip(parts, first, strict=True)]),
+            np.concatenate([vertices for vertices, _ in meshes]),
+            np.concatenate([rows + i for (_, rows), i in zip(meshes, first, strict=True)]),
         )
         origins, directions = self.scan.origins[rows], self.scan.directions[rows]
-        return RayCaster(mesh).cast(origins, directions, self.n_jobs)[0]
+        ranges, triangles = RayCaster(mesh).cast(origins, directions, self.n_jobs)
+        return ranges, triangles, np.concatenate(surfaces)
+
+    @cached_property
+    def _extent(self) -> tuple[Floats, Floats]:
+        """Lowest and highest x and y of the sensor."""
+        xy = self.scan.origins[:, :2]
+        return xy.min(axis=0), xy.max(axis=0)
+
+    @cached_property
+    def ceiling(self) -> float:
+        """z that no beam reaches, metres."""
+        return float(self.scan.origins[:, 2].max()) + 2.0 * self.noise.reach
+
+    @cached_property
+    def middle(self) -> float:
+        """Median z of the sensor, metres."""
+        return float(np.median(self.scan.origins[:, 2]))
+
+    def costs(self, rows: Ints) -> tuple[Floats, Bools]:
+        """Negative log-likelihood of some beams, and which of them are returns as foreseen."""
+        expected = self.background(rows=rows)
+        ranges, sigma = self.scan.ranges[rows], self.noise.sigma[rows]
+        foreseen = np.isfinite(ranges) & (expected <= self.noise.reach)
+        return self.noise.costs(ranges, expected, sigma), foreseen
+
+    def misfit(self, rows: Ints) -> float:
+        """Standard deviations by which some beams fit worse than their noise explains.
+
+        The larger of two: by the sum of their costs, and by how many are off by more than three
+        sigmas, which tells more where the noise is less than was said.
+        """
+        costs, foreseen = self.costs(rows)
+        n = max(int(foreseen.sum()), 1)
+        by_sum = float((costs.sum() - 0.5 * n) / np.sqrt(0.5 * n))
+        n_off = int((costs[foreseen] > 4.5).sum())
+        by_number = float((n_off - 0.0027 * n) / np.sqrt(0.0027 * n + 1.0))
+        return max(by_sum, by_number)
+
+    def gain(self, i: int) -> float:
+        """Log-likelihood that obstacle i gains over nothing, by some of the beams that see it."""
+        footprint = self.obstacles[i].footprint
+        center = footprint.mean(axis=0)
+        radius = float(np.linalg.norm(footprint - center, axis=1).max())
+        rows = self.rows_near(center, radius)[::_SOME]
+        ranges, sigma = self.scan.ranges[rows], self.noise.sigma[rows]
+        nothing = self.noise.costs(ranges, self.background(i, rows), sigma).sum()
+        return _SOME * (float(nothing) - float(self.costs(rows)[0].sum()))
+
+    def rows_near(self, center: Floats, radius: float) -> Ints:
+        """Beams whose level lines come within `radius` of a place, in reach."""
+        ways, level = self._ways
+        to_center = center - self.scan.origins[:, :2]
+        along = np.einsum("ij,ij->i", to_center, ways)
+        off = np.abs(to_center[:, 0] * ways[:, 1] - to_center[:, 1] * ways[:, 0])
+        reach = self.noise.reach * level
+        return np.flatnonzero((off < radius) & (along > -radius) & (along - radius < reach))
 
     def near(self, center: Floats, radius: float, without: int | None) -> Beams:
         """Beams that come within `radius` of a place before they meet another surface."""
-        way = self.scan.directions[:, :2]
-        length = np.maximum(np.hypot(*way.T), 1e-12)
-        to_center = center - self.scan.origins[:, :2]
-        along = np.einsum("ij,ij->i", to_center, way) / length
-        off = np.abs(to_center[:, 0] * way[:, 1] - to_center[:, 1] * way[:, 0]) / length
-        near = np.flatnonzero(
-            (off < radius) & (along > -radius) & (along - radius < self.reach * length)
-        )
-        background = self.background(without, near)
-        near_before = (along[near] - radius) / length[near] < background
-        return self.beams(near[near_before], background[near_before])
+        rows = self.rows_near(center, radius)
+        background = self.background(without, rows)
+        ways, level = self._ways
+        along = np.einsum("ij,ij->i", center - self.scan.origins[rows, :2], ways[rows])
+        before = (along - radius) / level[rows] < background
+        return self.beams(rows[before], background[before])
 
     def beams(self, rows: Ints, background: Floats) -> Beams:
         """Some beams with what they meet."""
         scan = self.scan
-        arrays = (scan.origins[rows], scan.directions[rows], scan.ranges[rows], background)
-        sigmas = np.full(len(rows), self.sigma)
-        o, d, r, b = (np.ascontiguousarray(array) for array in arrays)
-        return Beams((o, d, r, b, sigmas), self.reach, 1, self.base, self.n_jobs)
-
-
-def thinned(beams: Beams, stride: int, least_sigma: float) -> Beams:
-    """Some of the beams, taken as no more exact than `least_sigma`."""
-    o, d, r, b, sigmas = (np.ascontiguousarray(array[::stride]) for array in beams.arrays)
-    arrays = (o, d, r, b, np.maximum(sigmas, least_sigma))
-    return replace(beams, arrays=arrays, stride=beams.stride * stride)
+        arrays = scan.origins[rows], scan.directions[rows], scan.ranges[rows], background
+        return Beams((*arrays, self.noise.sigma[rows]), self.noise, self.base, self.n_jobs, 1)

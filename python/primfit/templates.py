@@ -1,22 +1,59 @@
-"""Kinds of solids as vectors of parameters: x, y, angle, and one or two sizes."""
+"""Kinds of solids as vectors of parameters: what is fitted to the beams.
+
+A shape turns parameters into corners, and says how the corners change with them. A `Template` has
+x, y, angle and one or two sizes; a `FreePolygon` has the corners themselves. Parameters may have
+more entries behind these, which a shape does not look at.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
+import shapely
 
 from primfit import footprints
-from primfit._check import Floats
+from primfit._check import Bools, Floats
 from primfit.footprints import regular_name
 
 _ORIGIN = np.zeros(2)
 
 
+class Shape(Protocol):
+    """What a footprint may be."""
+
+    @property
+    def kind(self) -> str:
+        """Its class name."""
+        ...
+
+    @property
+    def n_parameters(self) -> int:
+        """How many parameters it looks at."""
+        ...
+
+    def footprints(self, parameters: Floats) -> Floats:
+        """Corners (n, m, 2) for parameters (n, n_parameters or more)."""
+        ...
+
+    def jacobian(self, parameters: Floats) -> Floats:
+        """Derivatives (2m, n_parameters) of x and y of each corner by one set of parameters."""
+        ...
+
+    def is_proper(self, parameters: Floats) -> Bools:
+        """Which parameters (n, d) are of this kind."""
+        ...
+
+    def log_prior(self, scale: float) -> float:
+        """Logarithm of the density of parameters beforehand, with sizes up to `scale`, metres."""
+        ...
+
+
 @dataclass(frozen=True)
 class Template:
-    """A kind of footprint.
+    """A kind of footprint with one or two sizes.
 
     Attributes
     ----------
@@ -40,20 +77,66 @@ class Template:
     sizes_of_area: Callable[[float], list[tuple[float, ...]]]
     slimmest: float = 1.0
 
+    @property
+    def n_parameters(self) -> int:
+        """x, y, angle and the sizes."""
+        return 3 + self.n_sizes
+
     def footprints(self, parameters: Floats) -> Floats:
-        """Corners (n, m, 2) for parameters (n, 3 + n_sizes or more)."""
+        """Corners (n, m, 2) for parameters (n, n_parameters or more)."""
         x, y, angle = parameters[:, :3].T
         corners = parameters[:, 3 : 3 + self.n_sizes] @ self.axes
         corners = corners * np.exp(1j * angle)[:, None] + (x + 1j * y)[:, None]
         return np.stack([corners.real, corners.imag], axis=-1)
 
-    def is_proper(self, parameters: Floats) -> np.ndarray:
+    def jacobian(self, parameters: Floats) -> Floats:
+        """Derivatives (2m, n_parameters) of x and y of each corner by one set of parameters."""
+        turn = np.exp(1j * parameters[2])
+        arms = parameters[3 : 3 + self.n_sizes] @ self.axes * turn
+        ones = np.ones_like(arms)
+        columns = np.stack([ones, 1j * ones, 1j * arms, *(self.axes * turn)], axis=1)
+        return np.stack([columns.real, columns.imag], axis=1).reshape(-1, self.n_parameters)
+
+    def is_proper(self, parameters: Floats) -> Bools:
         """Which parameters (n, d) are of this kind: positive sizes, the larger first.
 
         A star whose notches are shallower than `slimmest` is no star.
         """
         sizes = parameters[:, 3 : 3 + self.n_sizes]
         return (sizes > 0.0).all(axis=1) & (sizes[:, -1] <= self.slimmest * sizes[:, 0])
+
+    def log_prior(self, scale: float) -> float:
+        """Uniform in place, angle and sizes."""
+        return -float(np.log(self.period) + (2 + self.n_sizes) * np.log(scale))
+
+
+@dataclass(frozen=True)
+class FreePolygon:
+    """Any simple polygon: its parameters are the x and y of its corners."""
+
+    n_corners: int
+    kind: str = "polygon"
+
+    @property
+    def n_parameters(self) -> int:
+        """Two a corner."""
+        return 2 * self.n_corners
+
+    def footprints(self, parameters: Floats) -> Floats:
+        """Corners (n, m, 2) for parameters (n, n_parameters or more)."""
+        return parameters[:, : self.n_parameters].reshape(-1, self.n_corners, 2)
+
+    def jacobian(self, parameters: Floats) -> Floats:
+        """Derivatives (2m, n_parameters): the identity."""
+        return np.eye(self.n_parameters)
+
+    def is_proper(self, parameters: Floats) -> Bools:
+        """Which parameters (n, d) are polygons that do not cross themselves."""
+        return shapely.is_valid(shapely.polygons(self.footprints(parameters)))
+
+    def log_prior(self, scale: float) -> float:
+        """Uniform in the place of each corner; any of them may be the first."""
+        return -float(self.n_parameters * np.log(scale) - np.log(self.n_corners))
 
 
 def _complex(outline: Floats) -> np.ndarray:
@@ -81,7 +164,8 @@ def _rectangle() -> Template:
         np.pi,
         np.stack([long, short]),
         lambda area: [
-            (float(np.sqrt(area * ratio)), float(np.sqrt(area / ratio))) for ratio in (1.3, 2.0)
+            (float(np.sqrt(area * ratio)), float(np.sqrt(area / ratio)))
+            for ratio in (1.2, 1.8, 3.0, 6.0)
         ],
     )
 
@@ -89,13 +173,20 @@ def _rectangle() -> Template:
 def _star(n: int) -> Template:
     outer = _complex(footprints.star_footprint(n, 1.0, 0.0, _ORIGIN, 0.0))
     inner = _complex(footprints.star_footprint(n, 0.0, 1.0, _ORIGIN, 0.0))
+    # With notches deeper than this it is concave; with shallower ones a polygon of 2n corners.
+    concave = float(np.cos(np.pi / n))
 
     def sizes(area: float) -> list[tuple[float, ...]]:
-        outers = [(float(np.sqrt(area / (n * np.sin(np.pi / n) * r))), r) for r in (0.4, 0.6)]
+        ratios = (0.55 * concave, 0.8 * concave)
+        outers = [(float(np.sqrt(area / (n * np.sin(np.pi / n) * r))), r) for r in ratios]
         return [(size, ratio * size) for size, ratio in outers]
 
-    return Template("star", 2, 2 * np.pi / n, np.stack([outer, inner]), sizes, slimmest=0.75)
+    return Template(
+        "star", 2, 2 * np.pi / n, np.stack([outer, inner]), sizes, slimmest=0.95 * concave
+    )
 
 
-TEMPLATES = (_regular(3), _regular(4), _rectangle(), _regular(5), _regular(6), _star(5))
+RECTANGLE = _rectangle()
+
+TEMPLATES = (*(_regular(n) for n in range(3, 9)), RECTANGLE, *(_star(n) for n in (4, 5, 6)))
 """Kinds that are tried."""

@@ -3,20 +3,27 @@
 //! Nothing here knows of Python. Every result depends on the input alone: not on the number
 //! of threads, nor on the instruction set that the machine offers.
 
+mod beams;
+mod carving;
 mod caster;
 mod dbscan;
 mod error;
+mod expansion;
 mod fit;
 mod likelihood;
 mod scoring;
+mod simd;
 mod triangle;
 mod workers;
 
+pub use beams::{BeamBlocks, Beams, Prices};
+pub use carving::{Grid, carve};
 pub use caster::{Hit, RayCaster};
 pub use dbscan::dbscan;
 pub use error::Error;
+pub use expansion::{Expansion, expand};
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
-pub use likelihood::{Beams, Candidate, prism_costs};
+pub use likelihood::{Candidate, prism_costs, wall_depths};
 pub use scoring::{Score, score_planes};
 pub use workers::Workers;
 

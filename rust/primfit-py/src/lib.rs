@@ -22,7 +22,7 @@ mod _primfit {
     #[pymodule_export]
     use crate::clustering::dbscan;
     #[pymodule_export]
-    use crate::likelihood::prism_costs;
+    use crate::likelihood::{BeamBlocks, carve};
     #[pymodule_export]
     use crate::planes::{fit_plane, fit_plane_to_ranges, score_planes};
 }

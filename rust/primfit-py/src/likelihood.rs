@@ -1,65 +1,167 @@
-//! The likelihood of prisms.
+//! The likelihood of prisms, and the space that beams leave for them.
 
 use crate::arrays::{rows, same_length};
 use crate::door;
 use numpy::{
-    IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadonlyArray3, PyUntypedArrayMethods,
 };
-use primfit_core::{Beams, Candidate};
+use primfit_core::{Beams, Candidate, Grid, Prices};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+/// Cost, gradient, information and open beams of an expansion.
+type Expansion<'py> =
+    (f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>);
+type Counts<'py> = (Bound<'py, PyArray3<u32>>, Bound<'py, PyArray3<u32>>);
+
+/// Beams ready for the costs of many prisms.
+#[pyclass(frozen, module = "primfit._primfit")]
+pub struct BeamBlocks(primfit_core::BeamBlocks);
+
+#[pymethods]
+impl BeamBlocks {
+    #[new]
+    // One array a property of beams.
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        py: Python,
+        origins: PyReadonlyArray2<f64>,
+        directions: PyReadonlyArray2<f64>,
+        ranges: PyReadonlyArray1<f64>,
+        background: PyReadonlyArray1<f64>,
+        sigmas: PyReadonlyArray1<f64>,
+        max_range: f64,
+        outlier: f64,
+        missing: f64,
+    ) -> PyResult<Self> {
+        let beams = Beams {
+            origins: rows("origins", &origins)?,
+            directions: rows("directions", &directions)?,
+            ranges: ranges.as_slice()?,
+            background: background.as_slice()?,
+            sigmas: sigmas.as_slice()?,
+        };
+        let n = beams.origins.len();
+        same_length("directions", beams.directions.len(), "origins", n)?;
+        same_length("ranges", beams.ranges.len(), "origins", n)?;
+        same_length("background", beams.background.len(), "origins", n)?;
+        same_length("sigmas", beams.sigmas.len(), "origins", n)?;
+        let prices = Prices { max_range, outlier, missing };
+        Ok(Self(py.detach(|| primfit_core::BeamBlocks::new(beams, prices))))
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+
+    #[pyo3(signature = (footprints, bottoms, tops, n_jobs=None))]
+    fn costs<'py>(
+        &self,
+        py: Python<'py>,
+        footprints: PyReadonlyArray3<f64>,
+        bottoms: PyReadonlyArray1<f64>,
+        tops: PyReadonlyArray1<f64>,
+        n_jobs: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let &[n, n_corners, 2] = footprints.shape() else {
+            return Err(PyValueError::new_err("footprints must have shape (k, m, 2)"));
+        };
+        at_least_three(n_corners)?;
+        let (bottoms, tops) = (bottoms.as_slice()?, tops.as_slice()?);
+        same_length("bottoms", bottoms.len(), "footprints", n)?;
+        same_length("tops", tops.len(), "footprints", n)?;
+        let corners: &[[f64; 2]] = footprints.as_slice()?.as_chunks().0;
+        let candidates: Vec<Candidate> = (0..n)
+            .map(|k| Candidate {
+                footprint: &corners[k * n_corners..(k + 1) * n_corners],
+                bottom: bottoms[k],
+                top: tops[k],
+            })
+            .collect();
+        let costs = door::enter(py, n_jobs, |workers| {
+            primfit_core::prism_costs(&self.0, &candidates, workers)
+        })?;
+        Ok(costs.into_pyarray(py))
+    }
+
+    fn wall_depths<'py>(
+        &self,
+        py: Python<'py>,
+        footprint: PyReadonlyArray2<f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let footprint = corners(&footprint)?;
+        Ok(py.detach(|| primfit_core::wall_depths(&self.0, footprint)).into_pyarray(py))
+    }
+
+    #[pyo3(signature = (footprint, bottom, top, slack=0.0, top_slack=0.0))]
+    fn expand<'py>(
+        &self,
+        py: Python<'py>,
+        footprint: PyReadonlyArray2<f64>,
+        bottom: f64,
+        top: f64,
+        slack: f64,
+        top_slack: f64,
+    ) -> PyResult<Expansion<'py>> {
+        let footprint = corners(&footprint)?;
+        let candidate = Candidate { footprint, bottom, top };
+        let found = py.detach(|| primfit_core::expand(&self.0, &candidate, slack, top_slack));
+        let n = found.gradient.len();
+        let open: Vec<i64> = found.open.iter().map(|&row| row as i64).collect();
+        Ok((
+            found.cost,
+            found.gradient.into_pyarray(py),
+            found.information.into_pyarray(py).reshape([n, n])?,
+            open.into_pyarray(py),
+        ))
+    }
+}
+
+fn corners<'a>(footprint: &'a PyReadonlyArray2<f64>) -> PyResult<&'a [[f64; 2]]> {
+    let corners = rows("footprint", footprint)?;
+    at_least_three(corners.len())?;
+    Ok(corners)
+}
+
+fn at_least_three(n_corners: usize) -> PyResult<()> {
+    if n_corners >= 3 {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!("a footprint must have 3 corners, not {n_corners}")))
+}
+
 #[pyfunction]
 #[pyo3(signature = (
-    origins, directions, ranges, background, sigmas, max_range, cap, footprints, bottoms, tops,
-    n_jobs=None,
+    origins, directions, certain, reach, low, cell, shape, levels, n_jobs=None,
 ))]
-// One array a row of the model.
+// One array a property of beams and grid.
 #[allow(clippy::too_many_arguments)]
-pub fn prism_costs<'py>(
+pub fn carve<'py>(
     py: Python<'py>,
     origins: PyReadonlyArray2<f64>,
     directions: PyReadonlyArray2<f64>,
-    ranges: PyReadonlyArray1<f64>,
-    background: PyReadonlyArray1<f64>,
-    sigmas: PyReadonlyArray1<f64>,
-    max_range: f64,
-    cap: f64,
-    footprints: PyReadonlyArray3<f64>,
-    bottoms: PyReadonlyArray1<f64>,
-    tops: PyReadonlyArray1<f64>,
+    certain: PyReadonlyArray1<f64>,
+    reach: f64,
+    low: [f64; 2],
+    cell: f64,
+    shape: [usize; 2],
+    levels: Vec<f64>,
     n_jobs: Option<usize>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let beams = Beams {
-        origins: rows("origins", &origins)?,
-        directions: rows("directions", &directions)?,
-        ranges: ranges.as_slice()?,
-        background: background.as_slice()?,
-        sigmas: sigmas.as_slice()?,
-        max_range,
-        cap,
-    };
-    let n_beams = beams.origins.len();
-    same_length("directions", beams.directions.len(), "origins", n_beams)?;
-    same_length("ranges", beams.ranges.len(), "origins", n_beams)?;
-    same_length("background", beams.background.len(), "origins", n_beams)?;
-    same_length("sigmas", beams.sigmas.len(), "origins", n_beams)?;
-    let &[n, n_corners, 2] = footprints.shape() else {
-        return Err(PyValueError::new_err("footprints must have shape (k, m, 2)"));
-    };
-    let (bottoms, tops) = (bottoms.as_slice()?, tops.as_slice()?);
-    same_length("bottoms", bottoms.len(), "footprints", n)?;
-    same_length("tops", tops.len(), "footprints", n)?;
-    let corners: &[[f64; 2]] = footprints.as_slice()?.as_chunks().0;
-    let candidates: Vec<Candidate> = (0..n)
-        .map(|k| Candidate {
-            footprint: &corners[k * n_corners..(k + 1) * n_corners],
-            bottom: bottoms[k],
-            top: tops[k],
-        })
-        .collect();
-    let costs =
-        door::enter(py, n_jobs, |workers| primfit_core::prism_costs(beams, &candidates, workers))?;
-    Ok(costs.into_pyarray(py))
+) -> PyResult<Counts<'py>> {
+    let (origins, directions) = (rows("origins", &origins)?, rows("directions", &directions)?);
+    let certain = certain.as_slice()?;
+    same_length("directions", directions.len(), "origins", origins.len())?;
+    same_length("certain", certain.len(), "origins", origins.len())?;
+    let n_layers = levels.len().saturating_sub(1);
+    let n_cells = shape[0].checked_mul(shape[1]).and_then(|n| n.checked_mul(n_layers));
+    if n_layers == 0 || n_cells.is_none_or(|n| n > u32::MAX as usize) {
+        return Err(PyValueError::new_err("the grid must have a layer and at most 2**32 cells"));
+    }
+    let grid = Grid { low, cell, shape, levels: &levels };
+    let (crossed, passed) = door::enter(py, n_jobs, |workers| {
+        primfit_core::carve(origins, directions, certain, reach, grid, workers)
+    })?;
+    let dims = [n_layers, shape[0], shape[1]];
+    Ok((crossed.into_pyarray(py).reshape(dims)?, passed.into_pyarray(py).reshape(dims)?))
 }

@@ -1,0 +1,197 @@
+"""Kinds compete for a seed: the one that the beams around it make most likely wins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from primfit._check import Floats
+from primfit.carving import Seed
+from primfit.fitting import Fit, Top, approach, climb, find_top, settle
+from primfit.footprints import signed_area
+from primfit.sampling import Effort
+from primfit.scene import Beams, Obstacle, Scene
+from primfit.templates import TEMPLATES, Template
+
+_ROUGH = 8
+"""One beam in so many is enough to tell kinds roughly apart."""
+
+_TURNS = 0.17
+"""Steps of the angle in which a guess is sought, radians."""
+
+_SHARES = (0.75, 0.95)
+"""Areas of guesses, as shares of the seed's, which is never too small."""
+
+_SHORTLIST = 5
+"""Kinds that are sampled after a first fit."""
+
+_RIVALS = 15.0
+"""Log-evidence that a kind may lack against the best to stay in the competition."""
+
+
+_LEVELS = ((16, 3000.0), (4, 1000.0))
+"""Levels of sampling: one beam in so many, and the log-likelihood by which a kind may be behind the
+best before."""
+
+_WIDER = 3.0
+"""By how much the variance is widened from a level to the next, which may know better."""
+
+_CLOSE = 300.0
+"""Log-likelihood by which a kind may be behind the best to be sampled with all beams."""
+
+QUICK = Effort(n=96, generations=8, wanted=40.0)
+THOROUGH = Effort(n=160, generations=14, wanted=150.0)
+"""To sample a level, and a posterior that is reported."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """A kind, and what the beams tell of it.
+
+    Attributes
+    ----------
+    fit : Fit
+        Mean and covariance of its posterior, once it is sampled.
+    top : Top
+    evidence : float
+        Logarithm of the likelihood of the kind, whatever its parameters; before it is sampled,
+        that of the fit.
+    size : float
+        Effective number of draws; 0 before it is sampled.
+    """
+
+    fit: Fit
+    top: Top
+    evidence: float
+    size: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A solid of the scene, as its beams tell it.
+
+    Attributes
+    ----------
+    contenders : tuple of Contender
+        The most likely first.
+    seed : Seed
+        What it grew from.
+    """
+
+    contenders: tuple[Contender, ...]
+    seed: Seed
+
+    @property
+    def footprint(self) -> Floats:
+        """Corners (m, 2) of the most likely kind, metres."""
+        return self.contenders[0].fit.footprint
+
+    @property
+    def obstacle(self) -> Obstacle:
+        """What it is to beams."""
+        return Obstacle(self.footprint, self.top.z)
+
+    @property
+    def top(self) -> Top:
+        """Of the most likely kind."""
+        return self.contenders[0].top
+
+
+def first_guesses(
+    beams: Beams,
+    template: Template,
+    seed: Seed,
+    top: float,
+    shares: tuple[float, ...] = _SHARES,
+) -> list[Floats]:
+    """The best of a grid of angles and sizes about a seed, and the best at another angle."""
+    n_turns = int(np.ceil(template.period / _TURNS))
+    guesses = np.array(
+        [
+            [*seed.center, angle, *sizes]
+            for angle in np.arange(n_turns) / n_turns * template.period
+            for share in shares
+            for sizes in template.sizes_of_area(share * seed.area)
+        ]
+    )
+    costs = beams.costs(template.footprints(guesses), np.full(len(guesses), top))
+    best = guesses[int(np.argmin(costs))]
+    turn = (guesses[:, 2] - best[2] + template.period / 2) % template.period - template.period / 2
+    costs[np.abs(turn) < template.period / 5] = np.inf
+    return [best, guesses[int(np.argmin(costs))]]
+
+
+def compete(scene: Scene, i: int, seed: Seed) -> Body:
+    """All kinds on the beams around a seed, which is obstacle i of the scene."""
+    beams = scene.near(seed.center, 1.3 * seed.radius, without=i)
+    size = float(np.sqrt(seed.area))
+    top = find_top(beams, seed.outline)
+    rough = beams.thinned(_ROUGH, 0.05 * size)
+    fits = []
+    for template in TEMPLATES:
+        guesses = first_guesses(rough, template, seed, top.z)
+        climbs = [climb(rough, template, guess, top.z, steps=5) for guess in guesses]
+        fits.append(min(climbs, key=lambda fit: fit.cost))
+    fits.sort(key=lambda fit: fit.cost)
+    fits = [approach(beams, fit.shape, fit.parameters, top.z, size) for fit in fits[:_SHORTLIST]]
+    fits.sort(key=lambda fit: fit.cost)
+    return as_body(fits, find_top(beams, fits[0].footprint), seed)
+
+
+def like_polygon(beams: Beams, polygon: Fit, top: float) -> list[Fit]:
+    """Kinds with as many corners as a polygon, fitted from where it is."""
+    outline = polygon.footprint
+    area = abs(signed_area(outline))
+    place = Seed(outline.mean(axis=0), area, outline)
+    rough = beams.thinned(_ROUGH, 0.05 * float(np.sqrt(area)))
+    return [
+        approach(beams, template, guess, top, float(np.sqrt(area)))
+        for template in TEMPLATES
+        if template.axes.shape[1] == len(outline)
+        for guess in first_guesses(rough, template, place, top, (1.0,))
+    ]
+
+
+def as_body(fits: list[Fit], top: Top, seed: Seed) -> Body:
+    """Fits that have not been sampled as a body, the best first."""
+    return Body(tuple(Contender(fit, top, -fit.cost) for fit in fits), seed)
+
+
+def compete_again(scene: Scene, i: int, body: Body, rng: np.random.Generator, how: Effort) -> Body:
+    """The contenders of body i again, sampled, on beams that know the neighbours better.
+
+    They are sampled with few of the beams first, which know less narrowly where to go, then with
+    more; kinds that fall behind are given up. `how` says how the last level is sampled.
+    """
+    center = body.footprint.mean(axis=0)
+    radius = float(np.linalg.norm(body.footprint - center, axis=1).max())
+    beams = scene.near(center, 1.2 * radius, without=i)
+    top = find_top(beams, body.footprint)
+    states = [
+        (climb(beams, each.fit.shape, each.fit.parameters, top.z), top) for each in body.contenders
+    ]
+    for stride, behind in _LEVELS:
+        least = min(fit.cost for fit, _ in states)
+        some = beams.some(stride)
+        states = [
+            _widened(beams, *settle(some, fit, top, rng, QUICK)[:2])
+            for fit, top in states
+            if fit.cost <= least + behind
+        ]
+    least = min(fit.cost for fit, _ in states)
+    contenders = []
+    for fit, top in states:
+        if fit.cost <= least + _CLOSE:
+            settled, top, found = settle(beams, fit, top, rng, how)
+            evidence = found.log_evidence + fit.shape.log_prior(scene.noise.reach)
+            contenders.append(Contender(settled, top, evidence, found.size))
+    contenders.sort(key=lambda each: -each.evidence)
+    best = contenders[0].evidence
+    return Body(tuple(each for each in contenders if each.evidence > best - _RIVALS), body.seed)
+
+
+def _widened(beams: Beams, fit: Fit, top: Top) -> tuple[Fit, Top]:
+    """A fit to some of the beams, as a place to start from with more of them."""
+    cost = beams.costs(fit.footprint[None], np.array([top.z]))[0]
+    return replace(fit, cost=float(cost), covariance=_WIDER * fit.covariance), top

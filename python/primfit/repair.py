@@ -1,0 +1,109 @@
+"""Bodies that do not explain their beams: other ways to fill their place are tried."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import shapely
+
+from primfit._check import Ints
+from primfit.competition import QUICK, Body, as_body, compete, compete_again, like_polygon
+from primfit.fitting import find_top
+from primfit.polygons import fit_polygon
+from primfit.scene import Obstacle, Scene
+
+_MISFIT = 4.0
+"""Standard deviations by which the beams of a body may fit worse than their noise explains."""
+
+_TOUCHING = 0.02
+"""Distance, as a fraction of the size, below which parts of a seed are one solid."""
+
+_LEAST_CELLS = 9
+"""Cells of the smallest part of a seed."""
+
+
+def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generator) -> None:
+    """Replace bodies, in place, by two or by a free polygon where that explains more.
+
+    The alternatives compete by the Bayesian information criterion on the beams that come near.
+    """
+    queue = list(range(len(bodies)))
+    while queue:
+        i = queue.pop(0)
+        seed = bodies[i].seed
+        rows = scene.rows_near(seed.center, 1.3 * seed.radius)
+        if scene.misfit(rows) < _MISFIT:
+            continue
+        others = bodies[:i] + bodies[i + 1 :]
+        best = [bodies[i]]
+        least = _score(scene, others, best, rows)
+        for alternative in (_cut, _as_polygon):
+            option = alternative(scene, others, bodies[i], cell)
+            scene.obstacles = [body.obstacle for body in others + option]
+            for j in range(len(others), len(scene.obstacles)):
+                body = compete_again(scene, j, option[j - len(others)], rng, QUICK)
+                option[j - len(others)] = body
+                scene.obstacles[j] = body.obstacle
+            if not option or _touch(option, float(np.sqrt(seed.area))):
+                continue
+            score = _score(scene, others, option, rows)
+            if score < least:
+                best, least = option, score
+                scene.obstacles = [body.obstacle for body in others + option]
+                if scene.misfit(rows) < _MISFIT:
+                    break
+        bodies[:] = others + best
+        scene.obstacles = [body.obstacle for body in bodies]
+        if len(best) > 1:
+            # The order has changed: the bodies behind i moved up, the new ones are last.
+            queue = [k - (k > i) for k in queue] + list(range(len(others), len(bodies)))
+        else:
+            queue = [k - (k > i) for k in queue]
+
+
+def _score(scene: Scene, others: list[Body], bodies: list[Body], rows: Ints) -> float:
+    scene.obstacles = [body.obstacle for body in others + bodies]
+    n_parameters = sum(body.contenders[0].fit.shape.n_parameters for body in bodies)
+    cost = float(scene.costs(rows)[0].sum())
+    return cost + 0.5 * float(np.log(len(rows))) * n_parameters
+
+
+def _as_polygon(scene: Scene, others: list[Body], body: Body, _: float) -> list[Body]:
+    """The body as a free polygon."""
+    scene.obstacles = [each.obstacle for each in others]
+    seed = body.seed
+    beams = scene.near(seed.center, 1.3 * seed.radius, without=None)
+    outlines = [seed.outline, body.footprint]
+    size = float(np.sqrt(seed.area))
+    fit = fit_polygon(beams, outlines, body.top.z, size)
+    if fit is None:
+        return []
+    fits = [fit, *like_polygon(beams, fit, body.top.z)]
+    return [as_body(fits, find_top(beams, fit.footprint), seed)]
+
+
+def _cut(scene: Scene, others: list[Body], body: Body, cell: float) -> list[Body]:
+    """Two or more bodies from the parts of a body's seed."""
+    parts = body.seed.parts or body.seed.halves()
+    parts = tuple(part for part in parts if part.area > _LEAST_CELLS * cell**2)
+    if len(parts) < 2:
+        return []
+    first = len(others)
+    top = 2.0 * scene.middle - scene.base
+    scene.obstacles = [body.obstacle for body in others]
+    scene.obstacles += [Obstacle(part.hull, top) for part in parts]
+    bodies: list[Body] = []
+    for j, part in enumerate(parts):
+        bodies.append(compete(scene, first + j, part))
+        scene.obstacles[first + j] = bodies[j].obstacle
+    for j in range(len(parts)):
+        bodies[j] = compete(scene, first + j, parts[j])
+        scene.obstacles[first + j] = bodies[j].obstacle
+    return bodies
+
+
+def _touch(bodies: list[Body], size: float) -> bool:
+    """Whether some of several bodies touch: together they are one solid."""
+    outlines = [shapely.Polygon(each.footprint) for each in bodies]
+    return any(a.distance(b) < _TOUCHING * size for a, b in combinations(outlines, 2))
