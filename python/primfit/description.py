@@ -20,7 +20,11 @@ _SEEN = 3
 
 
 def describe(
-    scene: Scene, bodies: list[Body], room: Fit | None, base_sigma: float | None
+    scene: Scene,
+    bodies: list[Body],
+    room: Fit | None,
+    base_sigma: float | None,
+    sigma: float,
 ) -> Detection:
     """What was found, in public terms; `base_sigma` is None where no floor was seen."""
     scan = scene.scan
@@ -78,7 +82,7 @@ def describe(
         solids=tuple(solids),
         arena=arena,
         floor=floor,
-        sigma=float(np.median(scene.noise.sigma)),
+        sigma=sigma,
         settings={
             "outliers": scene.noise.outliers,
             "lost": scene.noise.lost,

@@ -157,7 +157,8 @@ def detect_likelihood(
             scene.obstacles[i] = bodies[i].obstacle
             done(len(bodies) + i + 1, 2 * len(bodies))
     _drop_needless(scene, bodies)
-    return describe(scene, bodies, *surroundings)
+    used_sigma = scene.noise.sigma if given is None else spread
+    return describe(scene, bodies, *surroundings, float(np.median(used_sigma)))
 
 
 def _drop_needless(scene: Scene, bodies: list[Body]) -> None:
