@@ -3,20 +3,19 @@
 //! Nothing here knows of Python. Every result depends on the input alone: not on the number
 //! of threads, nor on the instruction set that the machine offers.
 
-mod caster;
 mod dbscan;
 mod error;
 mod fit;
 mod likelihood;
+mod rays;
 mod scoring;
-mod triangle;
 mod workers;
 
-pub use caster::{Hit, RayCaster};
 pub use dbscan::dbscan;
 pub use error::Error;
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
 pub use likelihood::{Beams, Candidate, prism_costs};
+pub use rays::{Hit, RayCaster};
 pub use scoring::{Score, score_planes};
 pub use workers::Workers;
 
