@@ -15,7 +15,12 @@ __all__ = [
 
 @final
 class RayCaster:
-    def __new__(cls, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> RayCaster: ...
+    def __new__(
+        cls,
+        vertices: NDArray[np.float64],
+        triangles: NDArray[np.int64],
+        names: NDArray[np.int64] | None = None,
+    ) -> RayCaster: ...
     def __len__(self) -> int: ...
     def cast(
         self,
@@ -23,6 +28,12 @@ class RayCaster:
         directions: NDArray[np.float64],
         n_jobs: int | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]: ...
+    def scan(
+        self,
+        poses: NDArray[np.float64],
+        beams: NDArray[np.float64],
+        n_jobs: int | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]: ...
 
 def dbscan(points: NDArray[np.float64], eps: float, min_samples: int) -> NDArray[np.int64]: ...
 def fit_plane(

@@ -15,7 +15,7 @@ pub use dbscan::dbscan;
 pub use error::Error;
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
 pub use likelihood::{Beams, Candidate, prism_costs};
-pub use rays::{Hit, RayCaster};
+pub use rays::{Hit, Hits, RayCaster, Transform};
 pub use scoring::{Score, score_planes};
 pub use workers::Workers;
 

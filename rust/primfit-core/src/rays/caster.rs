@@ -44,9 +44,19 @@ pub(super) enum Way {
     Packets(Tiles),
 }
 
+/// What many rays hit first, in their order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hits {
+    /// Distances along the normalised directions; infinite for none.
+    pub ranges: Vec<f64>,
+    /// Rows of the triangles, or what they are called; -1 for none.
+    pub ids: Vec<i64>,
+}
+
 /// A triangle mesh ready for rays.
 pub struct RayCaster {
     tree: Tree,
+    names: Option<Vec<i64>>,
     instructions: Instructions,
 }
 
@@ -62,7 +72,21 @@ impl RayCaster {
                 }
             }
         }
-        Ok(Self { tree: Tree::new(vertices, triangles), instructions: Instructions::best() })
+        Ok(Self {
+            tree: Tree::new(vertices, triangles),
+            names: None,
+            instructions: Instructions::best(),
+        })
+    }
+
+    /// The same, but hits of many rays are called by the name of their triangle.
+    ///
+    /// # Panics
+    /// When there are not as many names as triangles.
+    #[must_use]
+    pub fn named(self, names: Vec<i64>) -> Self {
+        assert_eq!(names.len(), self.len(), "one name a triangle");
+        Self { names: Some(names), ..self }
     }
 
     /// How many triangles there are.
@@ -85,41 +109,91 @@ impl RayCaster {
         hit[0]
     }
 
-    /// The first hit of every ray, in order.
+    /// The first hit of every ray, in order; directions may have any length but zero.
     ///
     /// # Errors
-    /// [`Error::Stopped`] when the caller does not want to go on.
+    /// [`Error::NotFinite`] and [`Error::NoDirection`] for such a ray, [`Error::Stopped`] when
+    /// the caller does not want to go on.
     pub fn cast(
         &self,
         origins: &[Vector],
         directions: &[Vector],
         workers: &Workers,
-    ) -> Result<Vec<Hit>, Error> {
-        let mut hits = vec![Hit::NONE; origins.len()];
-        let alone = if self.tree.is_cached() { Way::OneByOne } else { Way::Interleaved };
-        let largest_tile = IN_TILE * 4.0 * PI / self.len() as f64;
+    ) -> Result<Hits, Error> {
+        let n = origins.len();
+        let mut hits = Hits { ranges: vec![0.0; n], ids: vec![0; n] };
         let rays = origins.chunks(CHUNK).zip(directions.chunks(CHUNK));
-        for (hits, (origins, directions)) in hits.chunks_mut(CHUNK).zip(rays) {
+        let out = hits.ranges.chunks_mut(CHUNK).zip(hits.ids.chunks_mut(CHUNK));
+        for (chunk, ((origins, directions), (ranges, ids))) in rays.zip(out).enumerate() {
             workers.check()?;
-            let mut rest = (origins, directions, hits);
-            let tasks: Vec<_> = tasks(origins, directions, largest_tile)
+            let mut rest = (origins, directions, ranges, ids);
+            let parts: Vec<_> = tasks(origins, directions, self.largest_tile())
                 .into_iter()
                 .map(|task| {
-                    let (origins, directions, hits) = std::mem::take(&mut rest);
+                    let (origins, directions, ranges, ids) = std::mem::take(&mut rest);
                     let (origins, later_origins) = origins.split_at(task.n_rays);
                     let (directions, later_directions) = directions.split_at(task.n_rays);
-                    let (hits, later_hits) = hits.split_at_mut(task.n_rays);
-                    rest = (later_origins, later_directions, later_hits);
-                    (task.tiles.map_or(alone, Way::Packets), origins, directions, hits)
+                    let (ranges, later_ranges) = ranges.split_at_mut(task.n_rays);
+                    let (ids, later_ids) = ids.split_at_mut(task.n_rays);
+                    rest = (later_origins, later_directions, later_ranges, later_ids);
+                    (self.way(task.tiles), origins, directions, ranges, ids)
                 })
                 .collect();
-            workers.install(|| {
-                tasks.into_par_iter().for_each(|(way, origins, directions, hits)| {
-                    self.cast_task(way, origins, directions, hits);
-                });
+            let is_good = workers.install(|| {
+                parts
+                    .into_par_iter()
+                    .map(|(way, origins, directions, ranges, ids)| {
+                        let units: Option<Vec<Vector>> = origins
+                            .iter()
+                            .zip(directions)
+                            .map(|(origin, &direction)| {
+                                unit(direction).filter(|_| origin.iter().all(|x| x.is_finite()))
+                            })
+                            .collect();
+                        let Some(units) = units else { return false };
+                        self.cast_part(way, origins, &units, ranges, ids);
+                        true
+                    })
+                    .reduce(|| true, |a, b| a && b)
             });
+            if !is_good {
+                check(origins, directions, chunk * CHUNK)?;
+            }
         }
         Ok(hits)
+    }
+
+    /// Rays of one task; directions have unit length.
+    pub(super) fn cast_part(
+        &self,
+        way: Way,
+        origins: &[Vector],
+        directions: &[Vector],
+        ranges: &mut [f64],
+        ids: &mut [i64],
+    ) {
+        let mut hits = vec![Hit::NONE; origins.len()];
+        self.cast_task(way, origins, directions, &mut hits);
+        for ((range, id), hit) in ranges.iter_mut().zip(ids).zip(hits) {
+            *range = hit.range;
+            *id = match (&self.names, usize::try_from(hit.triangle)) {
+                (Some(names), Ok(triangle)) => names[triangle],
+                _ => hit.triangle,
+            };
+        }
+    }
+
+    pub(super) fn way(&self, tiles: Option<Tiles>) -> Way {
+        match tiles {
+            Some(tiles) => Way::Packets(tiles),
+            None if self.tree.is_cached() => Way::OneByOne,
+            None => Way::Interleaved,
+        }
+    }
+
+    /// Solid angle of a tile that has enough triangles in it.
+    pub(super) fn largest_tile(&self) -> f64 {
+        IN_TILE * 4.0 * PI / self.len() as f64
     }
 
     pub(super) fn cast_task(
@@ -166,6 +240,38 @@ impl RayCaster {
             }
         }
     }
+}
+
+/// `direction` at unit length, as it is where only rounding is missing; None when it has none.
+#[inline]
+pub(super) fn unit(direction: Vector) -> Option<Vector> {
+    let square = direction.iter().map(|x| x * x).sum::<f64>();
+    if (square - 1.0).abs() <= 4.0 * f64::EPSILON {
+        return Some(direction);
+    }
+    // First by the largest: squares of very long or short vectors leave the range of float64.
+    let largest = direction.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    if !(largest > 0.0 && direction.iter().all(|x| x.is_finite())) {
+        return None;
+    }
+    let direction = direction.map(|x| x / largest);
+    let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+    Some(direction.map(|x| x / length))
+}
+
+/// Says what is wrong with the first bad ray; row 0 is the given one of all.
+fn check(origins: &[Vector], directions: &[Vector], first: usize) -> Result<(), Error> {
+    for (row, (origin, direction)) in (first..).zip(origins.iter().zip(directions)) {
+        for (name, vector) in [("origins", origin), ("directions", direction)] {
+            if !vector.iter().all(|x| x.is_finite()) {
+                return Err(Error::NotFinite { name, row });
+            }
+        }
+        if *direction == [0.0; 3] {
+            return Err(Error::NoDirection { row });
+        }
+    }
+    Ok(())
 }
 
 #[inline(always)]

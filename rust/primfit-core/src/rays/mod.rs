@@ -12,6 +12,7 @@ mod lanes;
 mod leaf;
 mod packet;
 mod ray;
+mod scan;
 mod split;
 #[cfg(test)]
 mod tests;
@@ -20,4 +21,5 @@ mod tree;
 mod triangle;
 mod walk;
 
-pub use caster::{Hit, RayCaster};
+pub use caster::{Hit, Hits, RayCaster};
+pub use scan::Transform;

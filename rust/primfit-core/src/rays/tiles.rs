@@ -32,10 +32,10 @@ pub fn tasks(origins: &[Vector], directions: &[Vector], largest_tile: f64) -> Ve
     for run in origins.chunk_by(|a, b| a == b) {
         let n_rays = run.len();
         let tiles = Tiles::of(&directions[first..first + n_rays])
-            .filter(|tiles| tiles.solid_angle <= largest_tile);
+            .filter(|tiles| tiles.is_within(largest_tile));
         first += n_rays;
         if let Some(tiles) = tiles {
-            let band = tiles.pitch * tiles.height;
+            let band = tiles.band();
             let step = band * TASK.div_ceil(band);
             for start in (0..n_rays).step_by(step) {
                 tasks.push(Task { n_rays: step.min(n_rays - start), tiles: Some(tiles) });
@@ -95,15 +95,25 @@ impl Tiles {
         Some(Self { pitch, width, height: RAYS / width, solid_angle: wide * high.max(along) })
     }
 
+    /// Whether a tile covers no more than a solid angle.
+    pub fn is_within(self, solid_angle: f64) -> bool {
+        self.solid_angle <= solid_angle
+    }
+
+    /// Rays of a row of tiles.
+    pub fn band(self) -> usize {
+        self.pitch * self.height
+    }
+
     /// How many tiles there are over `n` rays.
     pub fn count(self, n: usize) -> usize {
-        n.div_ceil(self.pitch * self.height) * self.pitch.div_ceil(self.width)
+        n.div_ceil(self.band()) * self.pitch.div_ceil(self.width)
     }
 
     /// Rows of the rays of a tile, and how many they are; the others repeat the first.
     pub fn tile(self, tile: usize, n: usize) -> ([u32; RAYS], usize) {
         let across = self.pitch.div_ceil(self.width);
-        let first = tile / across * self.pitch * self.height;
+        let first = tile / across * self.band();
         let column = tile % across * self.width;
         let mut rows = [(first + column) as u32; RAYS];
         let mut count = 0;
