@@ -99,15 +99,15 @@ def scan(
             bar.update(len(some))
             if callable(progress):
                 progress(min(first + at_once, len(valid)), len(valid))
-    n_poses = len(valid)
+    grid = (len(valid), layers, columns)
     arrays = {
         "points": _joined(points),
-        "origins": np.repeat(poses[valid, :3, 3], len(beams), axis=0),
+        "origins": np.broadcast_to(poses[valid, None, None, :3, 3], (*grid, 3)).reshape(-1, 3),
         "directions": _joined(directions),
         "ranges": _joined(ranges),
-        "layer": np.tile(np.repeat(np.arange(layers), columns), n_poses),
-        "column": np.tile(np.arange(columns), n_poses * layers),
-        "pose_index": np.repeat(valid, len(beams)),
+        "layer": np.broadcast_to(np.arange(layers)[:, None], grid).reshape(-1),
+        "column": np.broadcast_to(np.arange(columns), grid).reshape(-1),
+        "pose_index": np.broadcast_to(valid[:, None, None], grid).reshape(-1),
         "solid_index": _joined(ids),
     }
     own = {name: frozen(array) for name, array in arrays.items()}

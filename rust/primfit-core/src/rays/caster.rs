@@ -249,6 +249,12 @@ pub(super) fn unit(direction: Vector) -> Option<Vector> {
     if (square - 1.0).abs() <= 4.0 * f64::EPSILON {
         return Some(direction);
     }
+    normalized(direction)
+}
+
+/// `direction` over its length; None when it has none.
+#[inline]
+pub(super) fn normalized(direction: Vector) -> Option<Vector> {
     // First by the largest: squares of very long or short vectors leave the range of float64.
     let largest = direction.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
     if !(largest > 0.0 && direction.iter().all(|x| x.is_finite())) {

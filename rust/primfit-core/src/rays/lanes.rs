@@ -58,6 +58,12 @@ pub fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
+/// The component of each axis in one lane.
+#[inline(always)]
+pub fn lane<T: Copy, const N: usize>(rows: &[[T; N]; 3], i: usize) -> [T; 3] {
+    [rows[0][i], rows[1][i], rows[2][i]]
+}
+
 /// The lanes of an instruction set.
 pub trait Isa {
     type Eight: Lanes<Array = [f32; 8]>;

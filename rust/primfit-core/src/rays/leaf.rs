@@ -1,4 +1,5 @@
-//! One ray against the eight triangles of a block, in float32: which may be hit.
+//! One ray, or sixteen of one origin, against the triangles of a block in float32: which may be
+//! hit.
 //!
 //! Moeller and Trumbore: Fast, Minimum Storage Ray/Triangle Intersection, 1997, each comparison
 //! widened by more than its rounding. The bounds come from the lengths of the edges and not from
@@ -6,9 +7,9 @@
 
 #![allow(clippy::inline_always)]
 
-use super::lanes::{Isa, Lanes, cross, dot, load, splat, subtract};
-use super::ray::{Ray, ULP};
-use super::tree::Block;
+use super::lanes::{Isa, Lanes, cross, dot, lane, load, splat, store, subtract};
+use super::ray::{Ray, Start, ULP};
+use super::tree::{Block, WIDTH};
 
 /// How far rounding moves the edge functions, in terms of extent times reach.
 const EDGE: f32 = 64.0 * ULP;
@@ -29,19 +30,78 @@ pub fn candidates<I: Isa>(block: &Block, ray: &Ray) -> u32 {
     let u = dot(p, to_origin).flip(determinant);
     let v = dot(q, direction).flip(determinant);
     let depth = dot(q, edge2).flip(determinant);
-    let size = determinant.abs();
-    let [margin, depth_margin] = margins::<I>(block, ray.reach);
-    let zero = I::Eight::splat(0.0);
-    // The least distance from a bound decides.
-    let inside = (u + margin).min(v + margin).min(size - (u + v) + I::Eight::splat(3.0) * margin);
-    let before = size.mul_add(I::Eight::splat(ray.limit), depth_margin) - depth;
-    zero.le(inside.min(before.min(depth + depth_margin)))
+    let limit = I::Eight::splat(ray.limit);
+    within(determinant.abs(), u, v, depth, limit, margins::<I>(block, ray.reach))
 }
 
 /// How far rounding moves the edge functions and the depth of each triangle.
 #[inline(always)]
-pub fn margins<I: Isa>(block: &Block, reach: f32) -> [I::Eight; 2] {
+fn margins<I: Isa>(block: &Block, reach: f32) -> [I::Eight; 2] {
     let extent = I::Eight::load(&block.extent);
     let edge = extent.mul_add(I::Eight::splat(FLAT), I::Eight::splat(EDGE * reach));
     [extent * edge, extent * extent * I::Eight::splat(DEPTH * reach)]
+}
+
+/// What all rays of one origin need of the triangles of a block.
+pub struct Triangles {
+    normal: [[f32; WIDTH]; 3],
+    u: [[f32; WIDTH]; 3],
+    v: [[f32; WIDTH]; 3],
+    depth: [f32; WIDTH],
+    margin: [f32; WIDTH],
+    depth_margin: [f32; WIDTH],
+}
+
+impl Triangles {
+    #[inline(always)]
+    pub fn from<I: Isa>(block: &Block, start: Start) -> Self {
+        let (edge1, edge2) = (load::<I::Eight>(&block.edges[0]), load(&block.edges[1]));
+        let to_origin = subtract(splat(start.origin), load(&block.vertex));
+        let v = cross(to_origin, edge1);
+        let [margin, depth_margin] = margins::<I>(block, start.reach);
+        Self {
+            normal: store(cross(edge2, edge1)),
+            u: store(cross(edge2, to_origin)),
+            v: store(v),
+            depth: dot(v, edge2).store(),
+            margin: margin.store(),
+            depth_margin: depth_margin.store(),
+        }
+    }
+
+    /// A bit for each ray that may hit triangle `i` before its limit.
+    #[inline(always)]
+    pub fn candidates<I: Isa>(
+        &self,
+        i: usize,
+        directions: [I::Sixteen; 3],
+        limits: I::Sixteen,
+    ) -> u32 {
+        let determinant = dot(splat(lane(&self.normal, i)), directions);
+        within(
+            determinant.abs(),
+            dot(splat(lane(&self.u, i)), directions).flip(determinant),
+            dot(splat(lane(&self.v, i)), directions).flip(determinant),
+            I::Sixteen::splat(self.depth[i]).flip(determinant),
+            limits,
+            [I::Sixteen::splat(self.margin[i]), I::Sixteen::splat(self.depth_margin[i])],
+        )
+    }
+}
+
+/// A bit for each lane whose edge functions and depth are in bounds or may be, by the margins.
+#[inline(always)]
+fn within<L: Lanes>(
+    size: L,
+    u: L,
+    v: L,
+    depth: L,
+    limit: L,
+    [margin, depth_margin]: [L; 2],
+) -> u32 {
+    // The least distance from a bound decides.
+    let third = size - (u + v) + margin + margin + margin;
+    let inside = (u + margin).min(v + margin).min(third);
+    let before = size.mul_add(limit, depth_margin) - depth;
+    L::splat(0.0).le(inside.min(before.min(depth + depth_margin)))
 }

@@ -5,11 +5,13 @@
 //! equal ones that of the lower triangle. So the order in which triangles come up does not
 //! matter, and neither do instruction sets, packets and threads.
 
+mod beam;
 mod caster;
 mod instructions;
 mod interleaved;
 mod lanes;
 mod leaf;
+mod memory;
 mod packet;
 mod ray;
 mod scan;

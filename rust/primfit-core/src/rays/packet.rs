@@ -8,10 +8,11 @@
 // Lanes are counted, so that the compiler sees whole vectors.
 #![allow(clippy::needless_range_loop)]
 
+use super::beam::{self, Span};
 use super::caster::Hit;
 use super::interleaved::{self, Flight, prefetch_child};
-use super::lanes::{Isa, Lanes, cross, dot, load, splat, store, subtract};
-use super::leaf::margins;
+use super::lanes::{Isa, Lanes, lane, load};
+use super::leaf::Triangles;
 use super::ray::{Ray, Start, ULP, steep};
 use super::tiles::{RAYS, Tiles};
 use super::tree::{Block, LEAF, Node, Tree, WIDTH};
@@ -19,9 +20,12 @@ use super::triangle::ShearedRay;
 use super::walk::STACK;
 use crate::Vector;
 
-/// So many rays go on alone, and where they wait for memory.
-const FEW: u32 = 4;
-const MANY: u32 = 8;
+/// So many rays go on alone.
+const FEW: u32 = 5;
+/// And so many in a tree that fits no cache: alone, one of them computes while others wait.
+const MANY: u32 = 12;
+/// Nodes of such a tree.
+const LARGE: usize = 16_000;
 /// So many candidates are decided one by one.
 const FEW_CANDIDATES: u32 = 2;
 
@@ -72,16 +76,6 @@ pub fn cast<I: Isa>(
             hits[rows[i] as usize] = Hit { range: packet.ranges[i], triangle: packet.triangles[i] };
         }
     }
-}
-
-/// The directions of all rays on one axis.
-#[derive(Clone, Copy)]
-enum Span {
-    /// Of one sign: the rows of the planes met first and last, and the least and the largest
-    /// inverse.
-    OneWay { near_row: usize, far_row: usize, low: f32, high: f32, slack: f32 },
-    /// Least and largest component.
-    Both { low: f32, high: f32 },
 }
 
 impl Packet {
@@ -174,7 +168,7 @@ impl Packet {
 
     #[inline(always)]
     fn traverse<I: Isa>(&mut self, tree: &Tree, all: u32) {
-        let few = if tree.is_cached() { FEW } else { MANY };
+        let few = if tree.nodes.len() < LARGE { FEW } else { MANY };
         let (mut child, mut mask) = (0_u32, all);
         loop {
             if child & LEAF != 0 {
@@ -193,7 +187,11 @@ impl Packet {
     /// The children that rays of `mask` enter; the nearest is next, with its rays.
     #[inline(always)]
     fn enter<I: Isa>(&mut self, tree: &Tree, node: &Node, mask: u32) -> Option<(u32, u32)> {
-        let (entry, mut children) = self.frustum::<I>(node);
+        let mut last = self.limits[0];
+        for limit in &self.limits[1..] {
+            last = if *limit > last { *limit } else { last };
+        }
+        let (entry, mut children) = beam::slabs::<I>(node, self.start, &self.beam, last);
         if !tree.is_cached() {
             let mut rest = children;
             while rest != 0 {
@@ -250,38 +248,6 @@ impl Packet {
         None
     }
 
-    /// Where the earliest ray could enter each child, and a bit for each that one could enter.
-    #[inline(always)]
-    fn frustum<I: Isa>(&self, node: &Node) -> ([f32; WIDTH], u32) {
-        let origin = splat::<I::Eight>(self.start.origin);
-        let mut enter = I::Eight::splat(0.0);
-        let mut last = self.limits[0];
-        for limit in &self.limits[1..] {
-            last = if *limit > last { *limit } else { last };
-        }
-        let mut leave = I::Eight::splat(last);
-        for k in 0..3 {
-            if let Span::OneWay { near_row, far_row, low, high, slack } = self.beam[k] {
-                let near = I::Eight::load(&node.planes[near_row]) - origin[k];
-                let far = I::Eight::load(&node.planes[far_row]) - origin[k];
-                let (low, high) = (I::Eight::splat(low), I::Eight::splat(high));
-                enter = enter.max((near * low).min(near * high) - I::Eight::splat(slack));
-                leave = leave.min((far * low).max(far * high) + I::Eight::splat(slack));
-            }
-        }
-        let mut mask = enter.le(leave);
-        for k in 0..3 {
-            if let Span::Both { low, high } = self.beam[k] {
-                let slack = I::Eight::splat(self.start.slack());
-                let below = I::Eight::load(&node.planes[k]) - origin[k] - slack;
-                let above = I::Eight::load(&node.planes[k + 3]) - origin[k] + slack;
-                mask &= below.le(leave * I::Eight::splat(high));
-                mask &= (leave * I::Eight::splat(low)).le(above);
-            }
-        }
-        (enter.store(), mask)
-    }
-
     /// A bit for each ray that enters a child.
     #[inline(always)]
     fn slabs<I: Isa>(&self, node: &Node, slot: usize) -> u32 {
@@ -312,27 +278,14 @@ impl Packet {
     /// All triangles of a block against the rays of `mask`.
     #[inline(always)]
     fn leaf<I: Isa>(&mut self, tree: &Tree, block: &Block, mask: u32) {
-        let triangles = Shared::new::<I>(block, self.start);
+        let triangles = Triangles::from::<I>(block, self.start);
         let directions = load::<I::Sixteen>(&self.directions);
         for i in 0..WIDTH {
             if block.extent[i] < 0.0 {
                 break;
             }
-            let normal = splat(lane(&triangles.normal, i));
-            let determinant = dot(normal, directions);
-            let u = dot(splat(lane(&triangles.u, i)), directions).flip(determinant);
-            let v = dot(splat(lane(&triangles.v, i)), directions).flip(determinant);
-            let depth = I::Sixteen::splat(triangles.depth[i]).flip(determinant);
-            let size = determinant.abs();
-            let margin = I::Sixteen::splat(triangles.margin[i]);
-            let depth_margin = I::Sixteen::splat(triangles.depth_margin[i]);
             let limits = I::Sixteen::load(&self.limits);
-            // The least distance from a bound decides.
-            let third = size - (u + v) + margin + margin + margin;
-            let inside = (u + margin).min(v + margin).min(third);
-            let before = size.mul_add(limits, depth_margin) - depth;
-            let least = inside.min(before.min(depth + depth_margin));
-            let candidates = mask & I::Sixteen::splat(0.0).le(least);
+            let candidates = mask & triangles.candidates::<I>(i, directions, limits);
             if candidates != 0 {
                 self.decide(tree, block.first as usize + i, candidates);
             }
@@ -409,57 +362,5 @@ impl Packet {
     #[inline(always)]
     fn hit(&self, i: usize) -> Hit {
         Hit { range: self.ranges[i], triangle: self.triangles[i] }
-    }
-}
-
-/// The component of each axis for one ray or triangle.
-#[inline(always)]
-fn lane<T: Copy, const N: usize>(rows: &[[T; N]; 3], i: usize) -> [T; 3] {
-    [rows[0][i], rows[1][i], rows[2][i]]
-}
-
-impl Span {
-    #[inline(always)]
-    fn of(axis: usize, components: &Floats, slack: f32) -> Self {
-        let (mut low, mut high) = (components[0], components[0]);
-        for i in 1..RAYS {
-            low = if components[i] < low { components[i] } else { low };
-            high = if components[i] > high { components[i] } else { high };
-        }
-        if low < 0.0 && high > 0.0 {
-            return Self::Both { low, high };
-        }
-        let (near_row, far_row) = if high < 0.0 { (axis + 3, axis) } else { (axis, axis + 3) };
-        // The inverse falls as the component grows.
-        let (low, high) = (1.0 / high, 1.0 / low);
-        Self::OneWay { near_row, far_row, low, high, slack: slack * low.abs().max(high.abs()) }
-    }
-}
-
-/// What rays of one origin need of the triangles of a block.
-struct Shared {
-    normal: [[f32; WIDTH]; 3],
-    u: [[f32; WIDTH]; 3],
-    v: [[f32; WIDTH]; 3],
-    depth: [f32; WIDTH],
-    margin: [f32; WIDTH],
-    depth_margin: [f32; WIDTH],
-}
-
-impl Shared {
-    #[inline(always)]
-    fn new<I: Isa>(block: &Block, start: Start) -> Self {
-        let (edge1, edge2) = (load::<I::Eight>(&block.edges[0]), load(&block.edges[1]));
-        let to_origin = subtract(splat(start.origin), load(&block.vertex));
-        let v = cross(to_origin, edge1);
-        let [margin, depth_margin] = margins::<I>(block, start.reach);
-        Self {
-            normal: store(cross(edge2, edge1)),
-            u: store(cross(edge2, to_origin)),
-            v: store(v),
-            depth: dot(v, edge2).store(),
-            margin: margin.store(),
-            depth_margin: depth_margin.store(),
-        }
     }
 }

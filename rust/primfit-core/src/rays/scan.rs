@@ -1,6 +1,6 @@
 //! The beams of one sensor from many poses.
 
-use super::caster::{Hits, RayCaster, Way, unit};
+use super::caster::{Hits, RayCaster, Way, normalized, unit};
 use super::tiles::Tiles;
 use crate::{Error, Vector, Workers};
 use rayon::prelude::*;
@@ -69,12 +69,12 @@ impl RayCaster {
     }
 }
 
-/// A beam in the world; rounding may take its length from 1.
+/// A beam in the world, at unit length.
 #[inline]
 fn rotated(pose: &Transform, [x, y, z]: Vector) -> Vector {
     let turned = std::array::from_fn(|k| {
         let row = &pose[4 * k..4 * k + 3];
         row[0] * x + row[1] * y + row[2] * z
     });
-    unit(turned).unwrap_or(turned)
+    normalized(turned).unwrap_or(turned)
 }

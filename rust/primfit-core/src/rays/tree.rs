@@ -4,6 +4,7 @@
 //! and triangles are float32 there. Beside them are the triangles as they came, in float64, in
 //! the order of the leaves.
 
+use super::memory::with_room;
 use super::split::{Part, Range, split};
 use crate::Vector;
 use rayon::prelude::*;
@@ -14,7 +15,7 @@ pub const WIDTH: usize = 8;
 pub const LEAF: u32 = 1 << 31;
 /// Nodes from which a tree does not stay in the cache.
 const CACHED: usize = 4000;
-/// Parts from which the children of a node are built in parallel.
+/// Parts that are worth another thread.
 const PARALLEL: usize = 1 << 14;
 
 /// The boxes of eight children and where they are.
@@ -96,20 +97,29 @@ impl Tree {
         let frame = Frame::around(ids.clone().flat_map(corners));
         let mut parts: Vec<Part> = ids
             .into_par_iter()
+            .with_min_len(PARALLEL)
             .map(|id| Part::new(id, corners(id).map(|v| frame.place(v))))
             .collect();
         let mut branch = Branch::default();
         if !parts.is_empty() {
             branch.grow(Range::all(&parts), &mut parts, 0);
         }
-        let exact: Vec<Exact> =
-            parts.par_iter().map(|part| Exact { corners: corners(part.id), id: part.id }).collect();
-        let blocks = branch
+        let mut exact = with_room(parts.len());
+        parts
+            .par_iter()
+            .with_min_len(PARALLEL)
+            .map(|part| Exact { corners: corners(part.id), id: part.id })
+            .collect_into_vec(&mut exact);
+        let mut blocks = with_room(branch.leaves.len());
+        branch
             .leaves
             .par_iter()
+            .with_min_len(PARALLEL / WIDTH)
             .map(|&(first, count)| Block::new(frame, &exact, first, count))
-            .collect();
-        Self { frame, nodes: branch.nodes, blocks, exact }
+            .collect_into_vec(&mut blocks);
+        let mut nodes = with_room(branch.nodes.len());
+        nodes.append(&mut branch.nodes);
+        Self { frame, nodes, blocks, exact }
     }
 }
 
