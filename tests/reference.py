@@ -15,8 +15,10 @@ PAIRS_AT_ONCE = 1 << 15
 class RayCaster:
     """Every ray against every triangle (Moeller and Trumbore, 1997)."""
 
-    def __init__(self, vertices, triangles):
+    def __init__(self, vertices, triangles, names=None):
         self.corners = vertices[triangles]
+        # A miss is triangle -1: the last entry.
+        self.names = np.append(np.arange(len(triangles)) if names is None else names, -1)
 
     def __len__(self):
         return len(self.corners)
@@ -43,7 +45,13 @@ class RayCaster:
                 nearest = depth.argmin(axis=1)
                 ranges[i : i + step] = depth[np.arange(len(depth)), nearest]
                 ids[i : i + step] = np.where(np.isfinite(ranges[i : i + step]), nearest, -1)
-        return ranges, ids
+        return ranges, self.names[ids]
+
+    def scan(self, poses, beams, n_jobs=None):
+        transforms = poses.reshape(-1, 4, 4)
+        directions = np.einsum("pij,bj->pbi", transforms[:, :3, :3], beams).reshape(-1, 3)
+        origins = np.repeat(transforms[:, :3, 3], len(beams), axis=0)
+        return directions, *self.cast(origins, directions)
 
 
 def score_planes(points, equations, threshold, directions=None, msac=False, n_jobs=None):

@@ -69,6 +69,22 @@ def test_empty_arrays_keep_their_shape():
             "directions must not be zero",
         ),
         (
+            lambda: primfit.RayCaster(SQUARE).cast([[0, 0, 0]] * 2, [[0, 0, -1], [np.inf, 0, 0]]),
+            "directions must be finite, but row 1 is not",
+        ),
+        (
+            lambda: primfit.RayCaster(SQUARE).cast_beams(np.eye(4), DOWN),
+            r"poses must have shape \(p, 4, 4\)",
+        ),
+        (
+            lambda: primfit.RayCaster(SQUARE).cast_beams([np.eye(4)], [[0, 0, 0]]),
+            "directions must not be zero",
+        ),
+        (
+            lambda: _primfit.RayCaster(np.array(SQUARE[0]), np.array(SQUARE[1]), np.array([1])),
+            "names must have as many rows as triangles",
+        ),
+        (
             lambda: primfit.RayCaster(SQUARE).cast([[0, 0, 0]], DOWN, n_jobs=0),
             "n_jobs must be at least 1",
         ),

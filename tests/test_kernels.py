@@ -89,6 +89,84 @@ class TestRays:
         assert ids[2] >= 0
         np.testing.assert_allclose(ranges[[0, 2]], 1.0)
 
+    @pytest.mark.parametrize("distance", [1e3, 1e6, 1e9, 1e13, 1e25])
+    def test_origins_far_outside(self, distance):
+        rng = np.random.default_rng(4)
+        way = rng.normal(size=(200, 3))
+        way /= np.linalg.norm(way, axis=1, keepdims=True)
+        ranges, ids = primfit.RayCaster(box((-1, -1, -1))).cast(-distance * way, way)
+        # Aimed at the middle, as well as rounding of the origin allows.
+        if distance < 1e15:
+            assert (ids >= 0).all()
+            expected = distance - 1 / np.abs(way).max(axis=1)
+            np.testing.assert_allclose(ranges, expected, rtol=4e-16, atol=1e-9)
+        above = way + np.array([0, 0, distance])
+        aside = primfit.RayCaster(box((-1, -1, -1))).cast(above, way * [1, 1, 0])
+        assert (aside[1] == -1).all()
+
+    @pytest.mark.parametrize("reach", [1.0, 1e3, 1e5])
+    def test_ground_closed_form_to_a_nanometre(self, reach):
+        rng = np.random.default_rng(5)
+        corners = 2 * reach * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+        caster = primfit.RayCaster((corners, [[0, 1, 2], [0, 2, 3]]))
+        origins = np.column_stack([rng.uniform(-1, 1, (500, 2)), rng.uniform(0.1, 2, 500)])
+        targets = np.column_stack([reach * rng.uniform(-1, 1, (500, 2)), np.zeros(500)])
+        ways = targets - origins
+        expected = np.linalg.norm(ways, axis=1)
+        # Where a slant ray meets the ground follows from the rounding of its direction.
+        unit = ways / expected[:, None]
+        expected = -origins[:, 2] / unit[:, 2]
+        ranges, ids = caster.cast(origins, unit)
+        assert (ids >= 0).all()
+        np.testing.assert_allclose(ranges, expected, rtol=0, atol=1e-9)
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_neighbouring_beams_together_or_apart(self, seed):
+        rng = np.random.default_rng(seed)
+        mesh = random_triangles(rng, 2000)
+        caster = primfit.RayCaster(mesh)
+        layers, columns = rng.integers(2, 40, 2)
+        elevation, azimuth = np.meshgrid(
+            np.linspace(0.4, -0.4, layers), np.linspace(1.5, -1.5, columns), indexing="ij"
+        )
+        across = np.cos(elevation)
+        beams = np.stack(
+            [across * np.cos(azimuth), across * np.sin(azimuth), np.sin(elevation)], axis=-1
+        ).reshape(-1, 3)
+        poses = np.tile(np.eye(4), (5, 1, 1))
+        poses[:, :3, :3] = Rotation.random(5, random_state=rng).as_matrix()
+        poses[:, :3, 3] = rng.normal(size=(5, 3))
+        directions, ranges, ids = caster.cast_beams(poses, beams)
+        np.testing.assert_allclose(
+            directions, np.concatenate([beams @ pose[:3, :3].T for pose in poses]), atol=1e-15
+        )
+        origins = np.repeat(poses[:, :3, 3], len(beams), axis=0)
+        shuffled = rng.permutation(len(origins))
+        for rows in (np.arange(len(origins)), shuffled):
+            again = caster.cast(origins[rows], directions[rows])
+            np.testing.assert_array_equal(again[0], ranges[rows])
+            np.testing.assert_array_equal(again[1], ids[rows])
+
+    def test_a_million_triangles(self):
+        axis = np.linspace(0, 1, 708)
+        x, y = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
+        row = np.arange(708 * 708).reshape(708, 708)
+        a, b, c, d = (
+            part.ravel() for part in (row[:-1, :-1], row[1:, :-1], row[1:, 1:], row[:-1, 1:])
+        )
+        triangles = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+        caster = primfit.RayCaster((np.column_stack([x, y, x * y]), triangles))
+        rng = np.random.default_rng(6)
+        places = rng.uniform(0, 1, (20_000, 2))
+        # Down onto vertices, onto edges and between them.
+        places[:5000] = axis[rng.integers(0, 708, (5000, 2))]
+        places[5000:10_000, 0] = axis[rng.integers(0, 708, 5000)]
+        origins = np.column_stack([places, np.full(20_000, 3.0)])
+        ranges, ids = caster.cast(origins, np.tile([0.0, 0, -1], (20_000, 1)))
+        assert (ids >= 0).all()
+        assert len(caster._core) == 2 * 707**2
+        np.testing.assert_allclose(3 - ranges, places.prod(axis=1), atol=1e-6)
+
     def test_ties_go_to_the_first_triangle(self):
         vertices, triangles = box()
         twice = np.concatenate([triangles[::-1], triangles])

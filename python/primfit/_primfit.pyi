@@ -47,7 +47,12 @@ class BeamBlocks:
 
 @final
 class RayCaster:
-    def __new__(cls, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> RayCaster: ...
+    def __new__(
+        cls,
+        vertices: NDArray[np.float64],
+        triangles: NDArray[np.int64],
+        names: NDArray[np.int64] | None = None,
+    ) -> RayCaster: ...
     def __len__(self) -> int: ...
     def cast(
         self,
@@ -55,6 +60,12 @@ class RayCaster:
         directions: NDArray[np.float64],
         n_jobs: int | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]: ...
+    def scan(
+        self,
+        poses: NDArray[np.float64],
+        beams: NDArray[np.float64],
+        n_jobs: int | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]: ...
 
 def carve(
     origins: NDArray[np.float64],

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from primfit import _primfit
 from primfit._check import Floats, Ints, as_rows, n_jobs_or_none
-from primfit.worlds import NOTHING, World
+from primfit.worlds import World
 
 if TYPE_CHECKING:
     Mesh = tuple[ArrayLike, ArrayLike]
@@ -18,10 +18,19 @@ if TYPE_CHECKING:
 class RayCaster:
     """A world or a triangle mesh made ready for rays; built once, cast often.
 
-    The test of a triangle is that of Woop, Benthin and Wald (JCGT 2013) in float64: a ray at an
-    edge or corner between two triangles hits one of them, always. Both sides of a triangle are
-    hit; a ray that starts on a surface hits it at range 0; a ray within the plane of a triangle
-    passes it. Of equally near triangles the first counts.
+    The decision on a triangle is that of Woop, Benthin and Wald (JCGT 2013) in float64: a ray at
+    an edge or corner between two triangles hits one of them, always. Both sides of a triangle are
+    hit; a ray that starts on a surface hits it at range 0, one that starts inside a solid hits it
+    from within; a ray within the plane of a triangle passes it. Of equally near triangles the
+    first counts. Results are the same bits in any order of rays, on any number of threads and on
+    any instruction set.
+
+    Which triangles come to a decision is found in a tree of float32 boxes, eight to a node, all of
+    whose tests err on the side of a hit (after Wald, Benthin and Boulos: Getting Rid of Packets,
+    IRT 2008, and Wald: Fast Construction of SAH-based Bounding Volume Hierarchies, RT 2007). Rays
+    that share their origin and are neighbours in direction and in the arrays, as the beams of a
+    lidar are, go through it together and are several times as fast. A mesh of a million triangles
+    takes about 150 MB.
 
     Parameters
     ----------
@@ -43,7 +52,7 @@ class RayCaster:
 
     def __init__(self, mesh_or_world: World | Mesh) -> None:
         if isinstance(mesh_or_world, World):
-            corners, rows, ids = mesh_or_world.to_mesh()
+            corners, rows, names = mesh_or_world.to_mesh()
         else:
             try:
                 vertices, triangles = mesh_or_world
@@ -53,10 +62,10 @@ class RayCaster:
                     f"{type(mesh_or_world).__name__} of other content"
                 ) from None
             corners, rows = as_rows("vertices", vertices, 3), _as_triangles(triangles)
-            ids = np.arange(len(rows))
-        # A miss is triangle -1: the last entry.
-        self._ids: Ints = np.append(ids, NOTHING)
-        self._core = _primfit.RayCaster(np.ascontiguousarray(corners), np.ascontiguousarray(rows))
+            names = None
+        self._core = _primfit.RayCaster(
+            np.ascontiguousarray(corners), np.ascontiguousarray(rows), names
+        )
 
     def cast(
         self, origins: ArrayLike, directions: ArrayLike, n_jobs: int | None = None
@@ -84,15 +93,57 @@ class RayCaster:
         ValueError
             When the arrays differ in length, are not finite, or a direction is zero.
         """
-        origins = as_rows("origins", origins, 3)
-        directions = unit_rows("directions", directions)
+        origins = as_rows("origins", origins, 3, finite=False)
+        directions = as_rows("directions", directions, 3, finite=False)
         if len(origins) != len(directions):
             raise ValueError(
                 f"directions must have as many rows as origins ({len(origins)}), "
                 f"not {len(directions)}"
             )
-        ranges, triangles = self._core.cast(origins, directions, n_jobs_or_none(n_jobs))
-        return ranges, self._ids[triangles]
+        return self._core.cast(origins, directions, n_jobs_or_none(n_jobs))
+
+    def cast_beams(
+        self, poses: ArrayLike, beams: ArrayLike, n_jobs: int | None = None
+    ) -> tuple[Floats, Floats, Ints]:
+        """The directions in the world, ranges and hits of one sensor's beams from many poses.
+
+        Parameters
+        ----------
+        poses : (p, 4, 4) float64
+            Rigid transforms ``T_world_sensor``.
+        beams : (m, 3) float64
+            Directions in the sensor's frame, of any length but zero. Neighbours in the array
+            should be neighbours in direction, row by row: they are cast together.
+        n_jobs : int or None
+            Threads; None for all. The result does not depend on it.
+
+        Returns
+        -------
+        directions : (p * m, 3) float64
+            Unit vectors, pose by pose.
+        ranges, ids : (p * m,)
+            As from `cast`.
+
+        Raises
+        ------
+        ValueError
+            When arrays have other shapes, are not finite, or a beam is zero.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import primfit
+        >>> pose = np.eye(4)
+        >>> pose[:3, 3] = 0.5, 1, 0.1
+        >>> caster = primfit.RayCaster(primfit.World(arena=primfit.Arena((2, 2))))
+        >>> caster.cast_beams([pose], [[1, 0, 0], [0, 0, -1]])[1:]
+        (array([1.5, 0.1]), array([-2, -3]))
+        """
+        transforms = np.asarray(poses)
+        if transforms.ndim != 3 or transforms.shape[1:] != (4, 4):
+            raise ValueError(f"poses must have shape (p, 4, 4), not {transforms.shape}")
+        rows = as_rows("poses", transforms.reshape(-1, 16), 16)
+        return self._core.scan(rows, as_rows("beams", beams, 3), n_jobs_or_none(n_jobs))
 
     def __repr__(self) -> str:
         return f"RayCaster({len(self._core)} triangles)"

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
-from primfit._check import Bools, Floats, check_finite, instance
+from primfit._check import Bools, Floats, check_finite, frozen, instance
 from primfit.casting import RayCaster
 from primfit.scans import Scan
 from primfit.sensors import Lidar, check_transforms
@@ -83,32 +83,39 @@ def scan(
     layers, columns, _ = lidar.directions.shape
     beams = lidar.directions.reshape(-1, 3)
     at_once = max(1, _BEAMS_AT_ONCE // len(beams))
-    origins, directions, ranges, ids = [], [], [], []
+    points, directions, ranges, ids = [], [], [], []
     with tqdm(total=len(valid), unit="pose", disable=progress is not True) as bar:
         for first in range(0, len(valid), at_once):
             some = poses[valid[first : first + at_once]]
-            starts = np.repeat(some[:, :3, 3], len(beams), axis=0)
-            ways = np.einsum("pij,bj->pbi", some[:, :3, :3], beams).reshape(-1, 3)
-            true, hit = caster.cast(starts, ways, n_jobs)
-            origins.append(starts)
+            ways, true, hit = caster.cast_beams(some, beams, n_jobs)
+            measured = _measure(true, lidar, rng)
+            # No return is no point.
+            ends = ways * np.where(measured < np.inf, measured, np.nan)[:, None]
+            ends.reshape(len(some), -1, 3)[...] += some[:, None, :3, 3]
+            points.append(ends)
             directions.append(ways)
-            ranges.append(_measure(true, lidar, rng))
+            ranges.append(measured)
             ids.append(hit)
             bar.update(len(some))
             if callable(progress):
                 progress(min(first + at_once, len(valid)), len(valid))
-    n_poses = len(valid)
-    return Scan.from_rays(
-        np.concatenate(origins),
-        np.concatenate(directions),
-        np.concatenate(ranges),
-        sigma=lidar.sigma,
-        max_range=lidar.max_range,
-        layer=np.tile(np.repeat(np.arange(layers), columns), n_poses),
-        column=np.tile(np.arange(columns), n_poses * layers),
-        pose_index=np.repeat(valid, len(beams)),
-        solid_index=np.concatenate(ids),
-    )
+    grid = (len(valid), layers, columns)
+    arrays = {
+        "points": _joined(points),
+        "origins": np.broadcast_to(poses[valid, None, None, :3, 3], (*grid, 3)).reshape(-1, 3),
+        "directions": _joined(directions),
+        "ranges": _joined(ranges),
+        "layer": np.broadcast_to(np.arange(layers)[:, None], grid).reshape(-1),
+        "column": np.broadcast_to(np.arange(columns), grid).reshape(-1),
+        "pose_index": np.broadcast_to(valid[:, None, None], grid).reshape(-1),
+        "solid_index": _joined(ids),
+    }
+    own = {name: frozen(array) for name, array in arrays.items()}
+    return Scan(**own, sigma=lidar.sigma, max_range=lidar.max_range)
+
+
+def _joined(parts: list[Any]) -> Any:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _measure(true: Floats, lidar: Lidar, rng: np.random.Generator) -> Floats:

@@ -62,7 +62,8 @@ class Scan:
     def __post_init__(self) -> None:
         for name in (*_ARRAYS, *_INDICES):
             array = getattr(self, name)
-            if array is not None:
+            # What nobody can write to need not be copied.
+            if array is not None and (not isinstance(array, np.ndarray) or array.flags.writeable):
                 object.__setattr__(self, name, frozen(np.array(array)))
         if isinstance(self.sigma, np.ndarray):
             object.__setattr__(self, "sigma", frozen(np.array(self.sigma)))

@@ -13,6 +13,20 @@ pub enum Error {
         /// How many vertices there are.
         n_vertices: usize,
     },
+    /// A ray is not finite.
+    #[error("{name} must be finite, but row {row} is not")]
+    NotFinite {
+        /// The part of the ray.
+        name: &'static str,
+        /// Which ray.
+        row: usize,
+    },
+    /// A ray has no direction.
+    #[error("directions must not be zero, but row {row} is")]
+    NoDirection {
+        /// Which ray.
+        row: usize,
+    },
     /// The caller asked to stop.
     #[error("stopped by the caller")]
     Stopped,

@@ -5,25 +5,24 @@
 
 mod beams;
 mod carving;
-mod caster;
 mod dbscan;
 mod error;
 mod expansion;
 mod fit;
 mod likelihood;
+mod rays;
 mod scoring;
 mod simd;
-mod triangle;
 mod workers;
 
 pub use beams::{BeamBlocks, Beams, Prices};
 pub use carving::{Grid, carve};
-pub use caster::{Hit, RayCaster};
 pub use dbscan::dbscan;
 pub use error::Error;
 pub use expansion::{Expansion, expand};
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
 pub use likelihood::{Candidate, prism_costs, wall_depths};
+pub use rays::{Hit, Hits, RayCaster, Transform};
 pub use scoring::{Score, score_planes};
 pub use workers::Workers;
 

@@ -118,6 +118,31 @@ proptest! {
 }
 
 #[test]
+fn hits_are_those_of_parry() {
+    use parry3d_f64::query::{Ray, RayCast};
+    use parry3d_f64::shape::TriMesh;
+
+    let (vertices, triangles) = cuboid([-1.0, -2.0, 0.0], [1.0, 0.5, 3.0]);
+    let indices = triangles.iter().map(|triangle| triangle.map(|vertex| vertex as u32)).collect();
+    let mesh = TriMesh::new(vertices.iter().map(|&vertex| vertex.into()).collect(), indices);
+    let mesh = mesh.unwrap();
+    let caster = RayCaster::new(&vertices, &triangles).unwrap();
+    let mut n_hits = 0;
+    // Away from edges, through which parry's rays may leak.
+    for i in 0..1000 {
+        let [s, t] = [f64::from(i % 37) / 36.0, f64::from(i % 41) / 40.0];
+        let origin = [4.0 * s - 2.013, 5.0 * t - 3.017, 0.9 * s + 1.1 * t - 1.0];
+        let direction = [0.31 - s, 0.27 - t, s * t + 0.1];
+        let hit = caster.cast_one(origin, direction);
+        let ray = Ray::new(origin.into(), direction.into());
+        let range = mesh.cast_local_ray(&ray, f64::MAX, false).unwrap_or(f64::INFINITY);
+        assert!(hit.range == range || (hit.range - range).abs() < 1e-9, "row {i}");
+        n_hits += i32::from(range.is_finite());
+    }
+    assert!((200..1000).contains(&n_hits));
+}
+
+#[test]
 fn a_wall_seen_along_beams_is_fitted_exactly() {
     let directions: Vec<Vector> = (0..20)
         .map(|i| {

@@ -1,0 +1,27 @@
+//! Rays against triangles: the nearest hit, the same bits on every machine.
+//!
+//! A wide tree in float32 finds the triangles that a ray may hit; its tests are widened by more
+//! than their rounding. Each of these is decided in float64, the nearest hit counts, and of
+//! equal ones that of the lower triangle. So the order in which triangles come up does not
+//! matter, and neither do instruction sets, packets and threads.
+
+mod beam;
+mod caster;
+mod instructions;
+mod interleaved;
+mod lanes;
+mod leaf;
+mod memory;
+mod packet;
+mod ray;
+mod scan;
+mod split;
+#[cfg(test)]
+mod tests;
+mod tiles;
+mod tree;
+mod triangle;
+mod walk;
+
+pub use caster::{Hit, Hits, RayCaster};
+pub use scan::Transform;

@@ -1,0 +1,248 @@
+//! A bounding-volume tree with eight children a node and eight triangles a leaf.
+//!
+//! It lies in a frame of its own, in which the scene is centred and reaches from -1 to 1: boxes
+//! and triangles are float32 there. Beside them are the triangles as they came, in float64, in
+//! the order of the leaves.
+
+use super::memory::with_room;
+use super::split::{Part, Range, split};
+use crate::Vector;
+use rayon::prelude::*;
+
+/// Children of a node, triangles of a leaf.
+pub const WIDTH: usize = 8;
+/// Set in the code of a child that is a leaf; the rest is the row of the block or node.
+pub const LEAF: u32 = 1 << 31;
+/// Nodes from which a tree does not stay in the cache.
+const CACHED: usize = 4000;
+/// Parts that are worth another thread.
+const PARALLEL: usize = 1 << 14;
+
+/// The boxes of eight children and where they are.
+#[derive(Clone)]
+#[repr(C, align(64))]
+pub struct Node {
+    /// Low x, y, z, then high x, y, z; a missing child has its low above its high.
+    pub planes: [[f32; WIDTH]; 6],
+    pub children: [u32; WIDTH],
+}
+
+/// Eight triangles of a leaf, or fewer: coordinates by row.
+#[derive(Clone)]
+#[repr(C, align(32))]
+pub struct Block {
+    pub vertex: [[f32; WIDTH]; 3],
+    /// From the first vertex to the second and to the third.
+    pub edges: [[[f32; WIDTH]; 3]; 2],
+    /// Largest component of an edge; negative for a missing triangle.
+    pub extent: [f32; WIDTH],
+    /// Row of the first triangle in [`Tree::exact`].
+    pub first: u32,
+}
+
+/// A triangle as it came.
+#[derive(Clone, Copy)]
+pub struct Exact {
+    pub corners: [Vector; 3],
+    pub id: u32,
+}
+
+/// From the coordinates of the scene to those of the tree.
+#[derive(Clone, Copy)]
+pub struct Frame {
+    pub center: Vector,
+    /// A power of two.
+    pub scale: f64,
+}
+
+impl Frame {
+    fn around(vertices: impl Iterator<Item = Vector>) -> Self {
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for vertex in vertices {
+            for k in 0..3 {
+                low[k] = low[k].min(vertex[k]);
+                high[k] = high[k].max(vertex[k]);
+            }
+        }
+        let half = (0..3).map(|k| high[k] / 2.0 - low[k] / 2.0).fold(0.0, f64::max);
+        if half == 0.0 || !half.is_finite() {
+            return Self { center: low.map(|x| if x.is_finite() { x } else { 0.0 }), scale: 1.0 };
+        }
+        Self {
+            center: std::array::from_fn(|k| f64::midpoint(low[k], high[k])),
+            // Beyond 2^1000 it would leave the range of float64.
+            scale: (-half.log2().ceil()).clamp(-1024.0, 1000.0).exp2(),
+        }
+    }
+
+    #[inline]
+    pub fn place(&self, point: Vector) -> Vector {
+        std::array::from_fn(|k| (point[k] - self.center[k]) * self.scale)
+    }
+}
+
+/// The tree; row 0 is its root.
+pub struct Tree {
+    pub frame: Frame,
+    pub nodes: Vec<Node>,
+    pub blocks: Vec<Block>,
+    pub exact: Vec<Exact>,
+}
+
+impl Tree {
+    /// `triangles` must name vertices that exist.
+    pub fn new(vertices: &[Vector], triangles: &[[i64; 3]]) -> Self {
+        let corners = |id: u32| triangles[id as usize].map(|vertex| vertices[vertex as usize]);
+        let ids = 0..triangles.len() as u32;
+        let frame = Frame::around(ids.clone().flat_map(corners));
+        let mut parts: Vec<Part> = ids
+            .into_par_iter()
+            .with_min_len(PARALLEL)
+            .map(|id| Part::new(id, corners(id).map(|v| frame.place(v))))
+            .collect();
+        let mut branch = Branch::default();
+        if !parts.is_empty() {
+            branch.grow(Range::all(&parts), &mut parts, 0);
+        }
+        let mut exact = with_room(parts.len());
+        parts
+            .par_iter()
+            .with_min_len(PARALLEL)
+            .map(|part| Exact { corners: corners(part.id), id: part.id })
+            .collect_into_vec(&mut exact);
+        let mut blocks = with_room(branch.leaves.len());
+        branch
+            .leaves
+            .par_iter()
+            .with_min_len(PARALLEL / WIDTH)
+            .map(|&(first, count)| Block::new(frame, &exact, first, count))
+            .collect_into_vec(&mut blocks);
+        let mut nodes = with_room(branch.nodes.len());
+        nodes.append(&mut branch.nodes);
+        Self { frame, nodes, blocks, exact }
+    }
+}
+
+impl Tree {
+    /// Whether it is small enough to stay in the cache.
+    #[inline]
+    pub fn is_cached(&self) -> bool {
+        self.nodes.len() < CACHED
+    }
+}
+
+impl Block {
+    fn new(frame: Frame, exact: &[Exact], first: u32, count: u32) -> Self {
+        let mut block = Self {
+            vertex: [[0.0; WIDTH]; 3],
+            edges: [[[0.0; WIDTH]; 3]; 2],
+            // Small enough that its square does not make the margins positive.
+            extent: [-1e-3; WIDTH],
+            first,
+        };
+        for (lane, triangle) in exact[first as usize..][..count as usize].iter().enumerate() {
+            let [a, b, c] = triangle.corners;
+            let vertex = frame.place(a);
+            // Below it, squares leave the range of float32; a wider margin does no harm.
+            let mut extent = 1e-12_f32;
+            for k in 0..3 {
+                block.vertex[k][lane] = vertex[k] as f32;
+                for (edge, end) in block.edges.iter_mut().zip([b, c]) {
+                    edge[k][lane] = ((end[k] - a[k]) * frame.scale) as f32;
+                    extent = extent.max(edge[k][lane].abs().next_up());
+                }
+            }
+            block.extent[lane] = extent;
+        }
+        block
+    }
+}
+
+/// Nodes and leaves (first part, number of parts) of a part of the tree.
+#[derive(Default)]
+struct Branch {
+    nodes: Vec<Node>,
+    leaves: Vec<(u32, u32)>,
+}
+
+impl Branch {
+    /// Appends the node over `range`; `parts` begin where the range does.
+    fn grow(&mut self, range: Range, parts: &mut [Part], depth: u32) {
+        let mut children = vec![range];
+        while children.len() < WIDTH {
+            let widest = (0..children.len())
+                .filter(|&i| children[i].len() > WIDTH)
+                .max_by(|&i, &j| children[i].area().total_cmp(&children[j].area()));
+            let Some(widest) = widest else { break };
+            let child = children[widest].clone();
+            let here = child.first - range_start(&children);
+            let (left, right) = split(&child, &mut parts[here..here + child.len()], depth);
+            children[widest] = left;
+            children.insert(widest + 1, right);
+        }
+        let row = self.nodes.len();
+        self.nodes.push(Node::over(&children));
+        let mut rest = parts;
+        let mut grown: Vec<(usize, Range, &mut [Part])> = Vec::new();
+        for (slot, child) in children.into_iter().enumerate() {
+            let (these, others) = rest.split_at_mut(child.len());
+            rest = others;
+            if child.len() <= WIDTH {
+                self.nodes[row].children[slot] = LEAF | self.leaves.len() as u32;
+                self.leaves.push((child.first as u32, child.len() as u32));
+            } else {
+                grown.push((slot, child, these));
+            }
+        }
+        if grown.iter().map(|(_, child, _)| child.len()).sum::<usize>() < PARALLEL {
+            for (slot, child, parts) in grown {
+                self.nodes[row].children[slot] = self.nodes.len() as u32;
+                self.grow(child, parts, depth + 1);
+            }
+            return;
+        }
+        let branches: Vec<(usize, Self)> = grown
+            .into_par_iter()
+            .map(|(slot, child, parts)| {
+                let mut branch = Self::default();
+                branch.grow(child, parts, depth + 1);
+                (slot, branch)
+            })
+            .collect();
+        for (slot, branch) in branches {
+            self.nodes[row].children[slot] = self.nodes.len() as u32;
+            self.append(branch);
+        }
+    }
+
+    fn append(&mut self, branch: Self) {
+        let (n_nodes, n_leaves) = (self.nodes.len() as u32, self.leaves.len() as u32);
+        self.nodes.extend(branch.nodes.into_iter().map(|mut node| {
+            for child in &mut node.children {
+                *child += if *child & LEAF == 0 { n_nodes } else { n_leaves };
+            }
+            node
+        }));
+        self.leaves.extend(branch.leaves);
+    }
+}
+
+fn range_start(children: &[Range]) -> usize {
+    children[0].first
+}
+
+impl Node {
+    fn over(children: &[Range]) -> Self {
+        let mut node = Self { planes: [[0.0; WIDTH]; 6], children: [0; WIDTH] };
+        for slot in 0..WIDTH {
+            for k in 0..3 {
+                let (low, high) = children.get(slot).map_or((f32::MAX, f32::MIN), |child| {
+                    (child.bounds.low[k], child.bounds.high[k])
+                });
+                node.planes[k][slot] = low;
+                node.planes[3 + k][slot] = high;
+            }
+        }
+        node
+    }
+}

@@ -1,0 +1,167 @@
+//! One ray on its way through the tree, one step at a time.
+
+#![allow(clippy::inline_always)]
+
+use super::caster::{Hit, cast_at_all};
+use super::lanes::{Isa, Lanes, splat};
+use super::leaf::candidates;
+use super::ray::{Approach, Ray};
+use super::tree::{LEAF, Node, Tree, WIDTH};
+use super::triangle::ShearedRay;
+use crate::Vector;
+
+/// More than the children that can wait: seven a level, and `split::DEEPEST` levels and those of
+/// a halved set.
+pub const STACK: usize = 512;
+
+/// A ray, what it hit so far and which children wait.
+pub struct Walk {
+    pub ray: Ray,
+    exact: ShearedRay,
+    pub hit: Hit,
+    /// Children by entry: the bits of the position, then the code of the child.
+    stack: [u64; STACK],
+    waiting: usize,
+}
+
+impl Walk {
+    /// One that has no ray yet.
+    pub fn idle() -> Self {
+        Self {
+            ray: Ray::default(),
+            exact: ShearedRay::default(),
+            hit: Hit::NONE,
+            stack: [0; STACK],
+            waiting: 0,
+        }
+    }
+
+    /// Starts another ray, which hit something already or [`Hit::NONE`].
+    #[inline(always)]
+    pub fn restart(&mut self, ray: Ray, exact: ShearedRay, hit: Hit) {
+        self.ray = ray;
+        self.exact = exact;
+        self.hit = hit;
+        self.waiting = 0;
+    }
+
+    /// All steps from `child` on.
+    #[inline(always)]
+    pub fn finish<I: Isa>(&mut self, tree: &Tree, child: u32) {
+        let mut next = Some(child);
+        while let Some(child) = next {
+            next = if child & LEAF == 0 {
+                self.enter::<I>(&tree.nodes[child as usize])
+            } else {
+                let block = &tree.blocks[(child ^ LEAF) as usize];
+                let mask = candidates::<I>(block, &self.ray);
+                self.decide(tree, block.first, mask)
+            };
+        }
+    }
+
+    /// The children of a node that the ray enters; the nearest is next.
+    #[inline(always)]
+    pub fn enter<I: Isa>(&mut self, node: &Node) -> Option<u32> {
+        let (entry, mut mask) = slabs::<I>(node, &self.ray);
+        if mask == 0 {
+            return self.pop();
+        }
+        let key =
+            |slot: usize| u64::from(entry[slot].to_bits()) << 32 | u64::from(node.children[slot]);
+        let mut nearest = key(mask.trailing_zeros() as usize);
+        mask &= mask - 1;
+        let first = self.waiting;
+        while mask != 0 {
+            let mut other = key(mask.trailing_zeros() as usize);
+            mask &= mask - 1;
+            if other < nearest {
+                std::mem::swap(&mut nearest, &mut other);
+            }
+            // The farthest lies deepest.
+            let mut place = self.waiting;
+            while place > first && self.stack[place - 1] < other {
+                self.stack[place] = self.stack[place - 1];
+                place -= 1;
+            }
+            self.stack[place] = other;
+            self.waiting += 1;
+        }
+        Some(nearest as u32)
+    }
+
+    /// Tests candidates in float64; `first` is the row of the first triangle of their block.
+    #[inline(always)]
+    pub fn decide(&mut self, tree: &Tree, first: u32, mut mask: u32) -> Option<u32> {
+        while mask != 0 {
+            let triangle = &tree.exact[(first + mask.trailing_zeros()) as usize];
+            mask &= mask - 1;
+            if let Some(range) = self.exact.cast(&triangle.corners) {
+                let hit = Hit { range, triangle: i64::from(triangle.id) };
+                if hit.is_before(self.hit) {
+                    self.hit = hit;
+                    self.ray.stop_at(range);
+                }
+            }
+        }
+        self.pop()
+    }
+
+    #[inline(always)]
+    pub fn pop(&mut self) -> Option<u32> {
+        let limit = self.ray.limit;
+        while self.waiting > 0 {
+            self.waiting -= 1;
+            let top = self.stack[self.waiting];
+            if f32::from_bits((top >> 32) as u32) <= limit {
+                return Some(top as u32);
+            }
+        }
+        None
+    }
+}
+
+/// Casts all rays, one after the other.
+#[inline(always)]
+pub fn cast<I: Isa>(tree: &Tree, origins: &[Vector], directions: &[Vector], hits: &mut [Hit]) {
+    let mut walk = Walk::idle();
+    for ((hit, &origin), &direction) in hits.iter_mut().zip(origins).zip(directions) {
+        *hit = match Ray::approach(origin, direction, &tree.frame) {
+            Approach::Passes => Hit::NONE,
+            Approach::Unclear => cast_at_all(tree, origin, direction),
+            Approach::Enters(ray) => {
+                let exact = ShearedRay::new(origin, direction);
+                walk.restart(ray, exact, Hit::NONE);
+                walk.finish::<I>(tree, 0);
+                walk.hit
+            }
+        };
+    }
+}
+
+/// Where the ray enters each child, at zero or beyond, and a bit for each that it enters.
+#[inline(always)]
+fn slabs<I: Isa>(node: &Node, ray: &Ray) -> ([f32; WIDTH], u32) {
+    let [nx, ny, nz] = crossings::<I::Eight>(node, ray.near_rows, ray.inverse, ray.near);
+    let [fx, fy, fz] = crossings::<I::Eight>(node, ray.far_rows, ray.inverse, ray.far);
+    let enter = nx.max(ny).max(nz.max(I::Eight::splat(0.0)));
+    let leave = fx.min(fy).min(fz.min(I::Eight::splat(ray.limit)));
+    (enter.store(), enter.le(leave))
+}
+
+/// Where the ray crosses a plane of each axis.
+#[inline(always)]
+fn crossings<L: Lanes<Array = [f32; WIDTH]>>(
+    node: &Node,
+    rows: [usize; 3],
+    inverse: [f32; 3],
+    terms: [f32; 3],
+) -> [L; 3] {
+    let planes = [&node.planes[rows[0]], &node.planes[rows[1]], &node.planes[rows[2]]];
+    let (inverse, terms) = (splat::<L>(inverse), splat::<L>(terms));
+    [
+        L::load(planes[0]).mul_add(inverse[0], terms[0]),
+        L::load(planes[1]).mul_add(inverse[1], terms[1]),
+        L::load(planes[2]).mul_add(inverse[2], terms[2]),
+    ]
+}
