@@ -31,7 +31,9 @@ pub fn enter<R: Send>(
 /// The exception that a Python caller expects for an error of the core.
 pub fn to_python(error: Error) -> PyErr {
     match error {
-        Error::VertexOutOfRange { .. } => PyValueError::new_err(error.to_string()),
+        Error::VertexOutOfRange { .. } | Error::TooWide { .. } | Error::TooMany { .. } => {
+            PyValueError::new_err(error.to_string())
+        }
         Error::Stopped | Error::Threads { .. } => PyRuntimeError::new_err(error.to_string()),
     }
 }
