@@ -133,7 +133,7 @@ class TestRays:
 class TestScores:
     @pytest.mark.parametrize("along_beams", [False, True])
     @pytest.mark.parametrize("msac", [False, True])
-    @pytest.mark.parametrize("n_points", [0, 1, 1023, 1025, 5000])
+    @pytest.mark.parametrize("n_points", [0, 1, 1039, 1041, 20_000])
     def test_twin(self, n_points, msac, along_beams):
         rng = np.random.default_rng(4)
         points = rng.uniform(size=(n_points, 3))
@@ -144,6 +144,22 @@ class TestScores:
         # A point within rounding of the threshold may count on one side only.
         np.testing.assert_allclose(scores, expected, atol=1e-4 * n_points if msac else 0)
         assert n_points < 1000 or scores.max() > 10
+
+    @pytest.mark.parametrize("msac", [False, True])
+    def test_a_threshold_of_zero_counts_the_points_in_the_plane(self, msac):
+        points = np.random.default_rng(5).integers(0, 3, (100, 3)).astype(float)
+        scores = _primfit.score_planes(points, np.array([[0.0, 0, 1, -1]]), 0.0, None, msac)
+        np.testing.assert_array_equal(scores, [(points[:, 2] == 1).sum()])
+
+    @pytest.mark.parametrize("scale", [1e-33, 1e-10, 1e10])
+    def test_scores_do_not_depend_on_the_unit_of_length(self, scale):
+        rng = np.random.default_rng(5)
+        points, equations = rng.uniform(size=(3000, 3)), random_planes(rng, 20)
+        scaled = equations * [1, 1, 1, scale]
+        expected = _primfit.score_planes(points, equations, 0.05)
+        np.testing.assert_array_equal(
+            _primfit.score_planes(scale * points, scaled, scale * 0.05), expected
+        )
 
     def test_order_of_points_does_not_matter(self):
         rng = np.random.default_rng(5)

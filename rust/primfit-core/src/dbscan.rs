@@ -13,6 +13,7 @@ mod hulls;
 mod sparse;
 mod tree;
 
+use crate::bounds::bounds;
 use crate::workers::Stop;
 use crate::{Error, Vector, Workers};
 use components::Components;
@@ -51,7 +52,7 @@ pub fn dbscan(
     if points.len() > u32::MAX as usize {
         return Err(Error::TooMany { n_points: points.len() });
     }
-    let bounds = tree::bounds(points);
+    let bounds = bounds(points);
     let span = (0..3).map(|k| bounds[1][k] - bounds[0][k]).fold(0.0, f64::max);
     if span > WIDEST * eps {
         return Err(Error::TooWide { eps, span });

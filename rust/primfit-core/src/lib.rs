@@ -3,10 +3,12 @@
 //! Nothing here knows of Python. Every result depends on the input alone: not on the number
 //! of threads, nor on the instruction set that the machine offers.
 
+mod bounds;
 mod caster;
 mod dbscan;
 mod error;
 mod fit;
+mod instructions;
 mod likelihood;
 mod scoring;
 mod triangle;

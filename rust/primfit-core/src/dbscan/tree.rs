@@ -2,6 +2,7 @@
 
 use super::hulls::are_apart;
 use super::near;
+use crate::bounds::bounds;
 use crate::workers::Stop;
 use crate::{Error, Vector};
 
@@ -179,16 +180,4 @@ fn widest_axis([low, high]: [Vector; 2]) -> (usize, f64) {
     let widths: Vector = std::array::from_fn(|k| high[k] - low[k]);
     let axis = (1..3).fold(0, |widest, k| if widths[k] > widths[widest] { k } else { widest });
     (axis, widths[axis])
-}
-
-/// Lowest and highest coordinates.
-pub fn bounds(points: &[Vector]) -> [Vector; 2] {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for point in points {
-        for k in 0..3 {
-            low[k] = low[k].min(point[k]);
-            high[k] = high[k].max(point[k]);
-        }
-    }
-    [low, high]
 }
