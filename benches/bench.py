@@ -1,7 +1,7 @@
 """Speed of primfit beside others, in one run, after checking that the answers agree.
 
     python benches/bench.py            all benchmarks
-    python benches/bench.py rays dbscan --repeat 5
+    python benches/bench.py pipeline --repeat 5
 
 Each line is the median over interleaved repetitions. A peer is one entry in `PEERS`: a name and
 a function from the benchmark to a callable that gives the answer.
@@ -97,49 +97,6 @@ def rays() -> list[Bench]:
     return benches
 
 
-def scoring() -> list[Bench]:
-    """Points near plane hypotheses, counted."""
-    rng = np.random.default_rng(7)
-    benches = []
-    for n, k in ((20_000, 2000), (200_000, 500)):
-        points, equations = rng.uniform(size=(n, 3)), rng.normal(size=(k, 4))
-        equations /= np.linalg.norm(equations[:, :3], axis=1, keepdims=True)
-        benches.append(
-            Bench(
-                f"plane scoring, {n} points x {k} hypotheses",
-                "Gtests/s",
-                n * k / 1e9,
-                lambda p=points, e=equations: _primfit.score_planes(p, e, 0.01),
-                lambda p=points, e=equations: reference.score_planes(p, e, 0.01),
-                n * k / 1e9,
-                lambda a, b: bool(np.abs(a - b).max() <= 2),  # points within rounding of 0.01
-                {"points": points, "equations": equations},
-            )
-        )
-    return benches
-
-
-def dbscan() -> list[Bench]:
-    """Clusters of points on the walls of a map."""
-    rng = np.random.default_rng(7)
-    world = primfit.random_world(rng=rng)
-    scan = primfit.scan(world, primfit.grid_path(world, rng=rng), rng=rng).filter_z(0.02)
-    points = np.ascontiguousarray(scan.points[rng.permutation(len(scan))[:20_000]])
-    return [
-        Bench(
-            f"DBSCAN, {len(points)} points, eps 0.1, min_samples {m}",
-            "Mpoints/s",
-            len(points) / 1e6,
-            lambda m=m: primfit.dbscan(points, 0.1, m),
-            lambda m=m: reference.dbscan(points, 0.1, m),
-            len(points) / 1e6,
-            lambda a, b: bool((a == b).all()),
-            {"points": points, "eps": 0.1, "min_samples": m},
-        )
-        for m in (1, 10)
-    ]
-
-
 def pipeline() -> list[Bench]:
     """Scan and detection of a square by the paper's method, on Rust and on the twins."""
     world = primfit.random_world(1, 1.0, ["square"], rng=7)
@@ -159,7 +116,7 @@ def pipeline() -> list[Bench]:
     return [Bench("scan and detection of a square", "runs/s", 1.0, run, on_twins, 1.0, agree, {})]
 
 
-BENCHES = {"rays": rays, "scoring": scoring, "dbscan": dbscan, "pipeline": pipeline}
+BENCHES = {"rays": rays, "pipeline": pipeline}
 PEERS: dict[str, Callable[[Bench], Callable[[], Any]]] = {"NumPy": lambda bench: bench.twin}
 
 

@@ -99,7 +99,7 @@ def test_empty_arrays_keep_their_shape():
         (lambda: primfit.dbscan(np.zeros((3, 3)), 1.0, 0), "min_samples must be at least 1"),
         (
             lambda: primfit.dbscan([[0, 0, 0], [1e9, 0, 0]], 1e-9),
-            "eps=1e-09 m is below the rounding",
+            "eps=1e-9 m is below the rounding",
         ),
         (lambda: _primfit.dbscan(np.zeros((3, 2)), 1.0, 1), r"points must have shape \(n, 3\)"),
         (lambda: _primfit.dbscan(np.zeros((3, 6))[:, ::2], 1.0, 1), "points must be C-contiguous"),

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
-from sklearn.cluster import DBSCAN
 
 import primfit
 from primfit import _primfit
@@ -212,7 +211,7 @@ class TestRays:
 class TestScores:
     @pytest.mark.parametrize("along_beams", [False, True])
     @pytest.mark.parametrize("msac", [False, True])
-    @pytest.mark.parametrize("n_points", [0, 1, 1023, 1025, 5000])
+    @pytest.mark.parametrize("n_points", [0, 1, 1039, 1041, 20_000])
     def test_twin(self, n_points, msac, along_beams):
         rng = np.random.default_rng(4)
         points = rng.uniform(size=(n_points, 3))
@@ -223,6 +222,22 @@ class TestScores:
         # A point within rounding of the threshold may count on one side only.
         np.testing.assert_allclose(scores, expected, atol=1e-4 * n_points if msac else 0)
         assert n_points < 1000 or scores.max() > 10
+
+    @pytest.mark.parametrize("msac", [False, True])
+    def test_a_threshold_of_zero_counts_the_points_in_the_plane(self, msac):
+        points = np.random.default_rng(5).integers(0, 3, (100, 3)).astype(float)
+        scores = _primfit.score_planes(points, np.array([[0.0, 0, 1, -1]]), 0.0, None, msac)
+        np.testing.assert_array_equal(scores, [(points[:, 2] == 1).sum()])
+
+    @pytest.mark.parametrize("scale", [1e-33, 1e-10, 1e10])
+    def test_scores_do_not_depend_on_the_unit_of_length(self, scale):
+        rng = np.random.default_rng(5)
+        points, equations = rng.uniform(size=(3000, 3)), random_planes(rng, 20)
+        scaled = equations * [1, 1, 1, scale]
+        expected = _primfit.score_planes(points, equations, 0.05)
+        np.testing.assert_array_equal(
+            _primfit.score_planes(scale * points, scaled, scale * 0.05), expected
+        )
 
     def test_order_of_points_does_not_matter(self):
         rng = np.random.default_rng(5)
@@ -238,49 +253,6 @@ class TestScores:
         down = np.tile([0.0, 0.0, -1.0], (100, 1))
         equations = np.array([[0.0, 0, 1, 0], [0, 0, -1, 0]])
         np.testing.assert_array_equal(_primfit.score_planes(points, equations, 0.1, down), [100, 0])
-
-
-class TestDbscan:
-    @pytest.mark.parametrize("min_samples", [1, 2, 4, 10])
-    @pytest.mark.parametrize("eps", [0.02, 0.05, 0.2, 3.0])
-    def test_labels_equal_scikit_learn(self, eps, min_samples):
-        rng = np.random.default_rng(7)
-        blobs = rng.normal(scale=0.05, size=(1500, 3)) + rng.integers(0, 3, (1500, 1)) * 0.6
-        points = np.concatenate([blobs, rng.uniform(-1, 3, (300, 3))])
-        points = points[rng.permutation(len(points))]
-        labels = primfit.dbscan(points, eps, min_samples)
-        expected = DBSCAN(eps=eps, min_samples=min_samples).fit_predict(points)
-        core_and_noise = labels == expected
-        # scikit-learn gives border points to the cluster that reaches them first, too.
-        np.testing.assert_array_equal(labels, expected)
-        assert core_and_noise.all()
-
-    @settings(max_examples=60, deadline=None)
-    @given(
-        st.integers(0, 2**32 - 1),
-        st.integers(0, 120),
-        st.integers(1, 6),
-        st.sampled_from([0.0, 1e-3, 0.11, 0.5, 10.0]),
-    )
-    def test_twin(self, seed, n, min_samples, grain):
-        rng = np.random.default_rng(seed)
-        points = rng.uniform(size=(n, 3))
-        if grain:
-            points = np.round(points / grain) * grain  # equal points and exact distances
-        labels = primfit.dbscan(points, 0.11, min_samples)
-        np.testing.assert_array_equal(labels, reference.dbscan(points, 0.11, min_samples))
-
-    def test_two_dimensions_equal_points_and_far_outlier(self):
-        flat = np.zeros((50, 2))
-        flat[-1] = 1e9
-        labels = primfit.dbscan(flat, 0.1, 2)
-        np.testing.assert_array_equal(labels, [0] * 49 + [-1])
-
-    def test_large_coordinates(self):
-        points = np.random.default_rng(8).uniform(size=(500, 3))
-        np.testing.assert_array_equal(
-            primfit.dbscan(points, 0.08, 3), primfit.dbscan(points + 2.0**22, 0.08, 3)
-        )
 
 
 class TestFits:

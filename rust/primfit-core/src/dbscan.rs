@@ -1,18 +1,36 @@
 //! Density-based clusters of points, exact, with memory proportional to the points.
 //!
 //! Ester, Kriegel, Sander, Xu: A density-based algorithm for discovering clusters, KDD 1996.
-//! The cells of the grid have a diagonal of `eps`: all points of a cell are within reach of
-//! each other, so a cell with `min_samples` points is all core, and clusters are joined cell
-//! by cell.
+//! Points are sorted by cell, so that the cells around a cell are a few contiguous runs. Sparse
+//! points take cells of side `eps`; crowded ones take cells of diagonal `eps`, whose points are
+//! all within reach of each other (de Berg, Gunawan, Roeloffzen: Faster DBSCAN and HDBSCAN in
+//! low-dimensional Euclidean spaces, ISAAC 2017).
 
+mod components;
+mod dense;
+mod grid;
+mod hulls;
+mod sparse;
+mod tree;
+
+use crate::bounds::bounds;
+use crate::workers::Stop;
 use crate::{Error, Vector, Workers};
+use components::Components;
+use dense::Dense;
+use grid::{Grid, Key, Lattice, Order};
+use rayon::prelude::*;
+use sparse::Sparse;
+use std::ops::Range;
 
-/// Cells between two questions to the caller.
+/// Points that one task looks at.
 const CHUNK: usize = 1 << 12;
-/// Cells within reach on either side: the diagonal of a cell is `eps`.
-const REACH: i128 = 2;
-/// Bits of one cell coordinate within a key.
-const BITS: u32 = 42;
+/// Points that take less time, at the very worst, than a caller who wants to stop would notice.
+const FEW: usize = 1 << 12;
+/// Mean number of points in the sparse cell of a point above which the dense grid is faster.
+const CROWDED: f64 = 12.0;
+/// Extent over `eps` above which the rounding of coordinates reaches `eps`.
+const WIDEST: f64 = 1e12;
 
 /// Labels the points: clusters are numbered by their first core point, -1 is noise, and a
 /// border point joins the lowest-numbered cluster within reach.
@@ -20,6 +38,7 @@ const BITS: u32 = 42;
 /// A point is core when at least `min_samples` points, itself included, are within `eps`.
 ///
 /// # Errors
+/// [`Error::TooWide`] and [`Error::TooMany`] when the points cannot be sorted into cells,
 /// [`Error::Stopped`] when the caller does not want to go on.
 pub fn dbscan(
     points: &[Vector],
@@ -27,205 +46,129 @@ pub fn dbscan(
     min_samples: usize,
     workers: &Workers,
 ) -> Result<Vec<i64>, Error> {
-    let grid = Grid::new(points, eps);
-    let core = grid.core_points(min_samples, workers)?;
-    let mut clusters = Clusters::of(grid.starts.len() - 1);
-    grid.join(&core, &mut clusters, workers)?;
-    Ok(grid.number(&core, &mut clusters, points.len()))
+    if points.is_empty() {
+        return Ok(Vec::new());
+    }
+    if points.len() > u32::MAX as usize {
+        return Err(Error::TooMany { n_points: points.len() });
+    }
+    let bounds = bounds(points);
+    let span = (0..3).map(|k| bounds[1][k] - bounds[0][k]).fold(0.0, f64::max);
+    if span > WIDEST * eps {
+        return Err(Error::TooWide { eps, span });
+    }
+    // Cells in which rounding can neither part a pair within reach nor join one beyond it.
+    let slack = 1e-9 + span / eps * f64::EPSILON * 4.0;
+    let sparse = Lattice::new(bounds, eps * (1.0 + slack), 1);
+    let dense = Lattice::new(bounds, eps / 3.0_f64.sqrt() * (1.0 - slack), 2);
+    let label = if dense.bits() <= u64::BITS { label::<u64> } else { label::<u128> };
+    if points.len() <= FEW {
+        return label(points, eps, min_samples, [sparse, dense], &Stop::default());
+    }
+    workers.watch(|stop| label(points, eps, min_samples, [sparse, dense], stop))
 }
 
-/// Points sorted by the cell that they lie in.
-struct Grid {
-    points: Vec<Vector>,
-    row: Vec<u32>,
-    keys: Vec<i128>,
-    starts: Vec<usize>,
-    eps_squared: f64,
+fn label<K: Key>(
+    points: &[Vector],
+    eps: f64,
+    min_samples: usize,
+    [sparse, dense]: [Lattice; 2],
+    stop: &Stop,
+) -> Result<Vec<i64>, Error> {
+    let order = Order::<K>::new(points, &sparse, stop)?;
+    if order.company() <= CROWDED {
+        let search = |grid: Grid<K>| Sparse::new(grid, &sparse, eps);
+        return cluster(order.gather(points), min_samples, search, stop);
+    }
+    drop(order);
+    let search = |grid: Grid<K>| Dense::new(grid, &dense, eps, stop);
+    cluster(Order::new(points, &dense, stop)?.gather(points), min_samples, search, stop)
 }
 
-impl Grid {
-    fn new(points: &[Vector], eps: f64) -> Self {
-        let mut low = [f64::INFINITY; 3];
-        for point in points {
-            for k in 0..3 {
-                low[k] = low[k].min(point[k]);
-            }
-        }
-        // A touch smaller than eps / sqrt(3), so that rounding never parts a cell.
-        let side = eps / 3.0_f64.sqrt() * (1.0 - 1e-9);
-        let key = |point: &Vector| {
-            (0..3).fold(0_i128, |key, k| {
-                let cell = ((point[k] - low[k]) / side).floor() as i128;
-                (key << BITS) + cell.min((1 << (BITS - 1)) - 1) + REACH
-            })
-        };
-        let mut sorted: Vec<(i128, u32)> =
-            points.iter().zip(0..).map(|(point, row)| (key(point), row)).collect();
-        sorted.sort_unstable();
-        let mut keys = Vec::new();
-        let mut starts = Vec::new();
-        for (i, (key, _)) in sorted.iter().enumerate() {
-            if keys.last() != Some(key) {
-                keys.push(*key);
-                starts.push(i);
-            }
-        }
-        starts.push(points.len());
-        Self {
-            points: sorted.iter().map(|&(_, row)| points[row as usize]).collect(),
-            row: sorted.into_iter().map(|(_, row)| row).collect(),
-            keys,
-            starts,
-            eps_squared: eps * eps,
-        }
-    }
+/// How the points around a point are found.
+trait Search<K>: Sync {
+    fn grid(&self) -> &Grid<K>;
 
-    fn is_near(&self, i: usize, j: usize) -> bool {
-        let (a, b) = (self.points[i], self.points[j]);
-        let (dx, dy, dz) = (a[0] - b[0], a[1] - b[1], a[2] - b[2]);
-        dx * dx + dy * dy + dz * dz <= self.eps_squared
-    }
+    fn into_grid(self) -> Grid<K>;
 
-    /// Calls `visit` with each cell in order and the runs of cells around it.
-    fn for_each_cell(
+    /// The lowest point that is in the component of a point from the start.
+    fn links(&self) -> Vec<u32>;
+
+    /// Which of some points have enough points around them.
+    fn find_core(
         &self,
-        offsets: &[i128],
-        workers: &Workers,
-        mut visit: impl FnMut(usize, &[(usize, usize)]),
-    ) -> Result<(), Error> {
-        // Along z the cells around a cell are one run, whose ends only ever move forward.
-        let mut runs = vec![(0, 0); offsets.len()];
-        for (cell, key) in self.keys.iter().enumerate() {
-            if cell % CHUNK == 0 {
-                workers.check()?;
-            }
-            for (run, offset) in runs.iter_mut().zip(offsets) {
-                while run.0 < self.keys.len() && self.keys[run.0] < key + offset - REACH {
-                    run.0 += 1;
-                }
-                run.1 = run.1.max(run.0);
-                while run.1 < self.keys.len() && self.keys[run.1] <= key + offset + REACH {
-                    run.1 += 1;
-                }
-            }
-            visit(cell, &runs);
-        }
-        Ok(())
-    }
+        points: Range<usize>,
+        min_samples: usize,
+        is_core: &mut [bool],
+    ) -> Result<(), Error>;
 
-    fn core_points(&self, min_samples: usize, workers: &Workers) -> Result<Vec<bool>, Error> {
-        let mut core = vec![true; self.points.len()];
-        if min_samples <= 1 {
-            return Ok(core);
-        }
-        self.for_each_cell(&columns(), workers, |cell, runs| {
-            let own = self.starts[cell]..self.starts[cell + 1];
-            if own.len() >= min_samples {
-                return;
-            }
-            for i in own {
-                let mut near = 0;
-                core[i] =
-                    runs.iter().flat_map(|run| self.starts[run.0]..self.starts[run.1]).any(|j| {
-                        near += usize::from(self.is_near(i, j));
-                        near >= min_samples
-                    });
-            }
+    /// Joins the components of some points and of those within reach that come before.
+    fn join(&self, points: Range<usize>, components: &Components) -> Result<(), Error>;
+
+    /// Lowers the label of some points of another grid to the lowest within reach.
+    fn lower(
+        &self,
+        others: &Grid<K>,
+        points: Range<usize>,
+        labels_here: &[i64],
+        labels: &mut [i64],
+    ) -> Result<(), Error>;
+}
+
+fn cluster<K: Key, S: Search<K>>(
+    grid: Grid<K>,
+    min_samples: usize,
+    search: impl Fn(Grid<K>) -> S,
+    stop: &Stop,
+) -> Result<Vec<i64>, Error> {
+    let n_points = grid.points.len();
+    let everything = search(grid);
+    let mut is_core = vec![min_samples <= 1; n_points];
+    if min_samples > 1 {
+        in_chunks(&mut is_core, stop, |points, is_core| {
+            everything.find_core(points, min_samples, is_core)
         })?;
-        Ok(core)
     }
+    let (core, rest) = everything.into_grid().split(&is_core);
+    drop(is_core);
 
-    /// Joins the cells that have core points within reach of each other.
-    fn join(&self, core: &[bool], clusters: &mut Clusters, workers: &Workers) -> Result<(), Error> {
-        let columns = columns();
-        // Each pair once: only cells before this one.
-        let before = &columns[..=columns.len() / 2];
-        self.for_each_cell(before, workers, |cell, runs| {
-            for run in runs.iter().rev() {
-                for other in run.0..run.1.min(cell) {
-                    if clusters.root(cell) != clusters.root(other) && self.touch(core, cell, other)
-                    {
-                        clusters.join(cell, other);
-                    }
-                }
-            }
-        })
-    }
+    let core = search(core);
+    let components = Components::new(core.links());
+    in_chunks(&mut vec![(); core.grid().points.len()], stop, |points, _| {
+        core.join(points, &components)
+    })?;
+    let core_labels = components.numbered_by(&core.grid().rows, n_points);
+    let mut rest_labels = vec![i64::MAX; rest.points.len()];
+    in_chunks(&mut rest_labels, stop, |points, labels| {
+        core.lower(&rest, points, &core_labels, labels)
+    })?;
 
-    fn touch(&self, core: &[bool], cell: usize, other: usize) -> bool {
-        let core_of = |cell: usize| (self.starts[cell]..self.starts[cell + 1]).filter(|&i| core[i]);
-        core_of(cell).any(|i| core_of(other).any(|j| self.is_near(i, j)))
+    let mut labels = vec![-1; n_points];
+    for (&row, label) in core.grid().rows.iter().zip(core_labels) {
+        labels[row as usize] = label;
     }
-
-    fn number(&self, core: &[bool], clusters: &mut Clusters, n_points: usize) -> Vec<i64> {
-        let mut place = vec![0; n_points];
-        for (i, &row) in self.row.iter().enumerate() {
-            place[row as usize] = i;
+    for (&row, label) in rest.rows.iter().zip(rest_labels) {
+        if label < i64::MAX {
+            labels[row as usize] = label;
         }
-        let mut cell_of = vec![0; n_points];
-        for cell in 0..self.keys.len() {
-            cell_of[self.starts[cell]..self.starts[cell + 1]].fill(cell);
-        }
-        let mut number = vec![-1; self.keys.len()];
-        let mut n_clusters = 0;
-        let mut labels = vec![-1; n_points];
-        for (label, &i) in labels.iter_mut().zip(&place) {
-            if core[i] {
-                let root = clusters.root(cell_of[i]);
-                if number[root] < 0 {
-                    number[root] = n_clusters;
-                    n_clusters += 1;
-                }
-                *label = number[root];
-            }
-        }
-        let columns = columns();
-        for (label, &i) in labels.iter_mut().zip(&place) {
-            if core[i] {
-                continue;
-            }
-            let key = self.keys[cell_of[i]];
-            let lowest = columns
-                .iter()
-                .flat_map(|offset| {
-                    let first = self.keys.partition_point(|&k| k < key + offset - REACH);
-                    let last = self.keys.partition_point(|&k| k <= key + offset + REACH);
-                    self.starts[first]..self.starts[last]
-                })
-                .filter(|&j| core[j] && self.is_near(i, j))
-                .map(|j| number[clusters.root(cell_of[j])])
-                .min();
-            *label = lowest.unwrap_or(-1);
-        }
-        labels
     }
+    Ok(labels)
 }
 
-/// Key offsets of the columns of cells around a cell, in rising order.
-fn columns() -> Vec<i128> {
-    (-REACH..=REACH)
-        .flat_map(|dx| (-REACH..=REACH).map(move |dy| (dx << (2 * BITS)) + (dy << BITS)))
-        .collect()
+/// Calls `fill` with ranges of points, and what is wanted of them, on all threads.
+fn in_chunks<T: Send>(
+    wanted: &mut [T],
+    stop: &Stop,
+    fill: impl Fn(Range<usize>, &mut [T]) -> Result<(), Error> + Sync,
+) -> Result<(), Error> {
+    wanted.par_chunks_mut(CHUNK).enumerate().try_for_each(|(k, wanted)| {
+        stop.check()?;
+        fill(k * CHUNK..k * CHUNK + wanted.len(), wanted)
+    })
 }
 
-/// Union and find over cells, with the lower cell as the root.
-struct Clusters(Vec<usize>);
-
-impl Clusters {
-    fn of(n_cells: usize) -> Self {
-        Self((0..n_cells).collect())
-    }
-
-    fn root(&mut self, mut cell: usize) -> usize {
-        while self.0[cell] != cell {
-            self.0[cell] = self.0[self.0[cell]];
-            cell = self.0[cell];
-        }
-        cell
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b)] = a.min(b);
-    }
+/// The one predicate, as scikit-learn has it.
+fn near(a: Vector, b: Vector, eps_squared: f64) -> bool {
+    let (dx, dy, dz) = (a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+    dx * dx + dy * dy + dz * dz <= eps_squared
 }

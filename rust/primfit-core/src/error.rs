@@ -1,7 +1,7 @@
 //! What can go wrong in the core.
 
 /// Every error of this crate.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
     /// A triangle names a vertex that does not exist.
     #[error("triangle {triangle} names vertex {vertex}, but there are {n_vertices} vertices")]
@@ -26,6 +26,20 @@ pub enum Error {
     NoDirection {
         /// Which ray.
         row: usize,
+    },
+    /// Points are farther apart than their rounding allows to compare with a distance.
+    #[error("eps={eps:?} m is below the rounding of points that span {span:?} m")]
+    TooWide {
+        /// The distance.
+        eps: f64,
+        /// The longest side of the box around the points.
+        span: f64,
+    },
+    /// There are more points than 32 bits can number.
+    #[error("there must be fewer than 2^32 points, not {n_points}")]
+    TooMany {
+        /// How many there are.
+        n_points: usize,
     },
     /// The caller asked to stop.
     #[error("stopped by the caller")]

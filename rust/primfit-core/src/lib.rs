@@ -4,11 +4,13 @@
 //! of threads, nor on the instruction set that the machine offers.
 
 mod beams;
+mod bounds;
 mod carving;
 mod dbscan;
 mod error;
 mod expansion;
 mod fit;
+mod instructions;
 mod likelihood;
 mod rays;
 mod scoring;

@@ -1,6 +1,12 @@
 //! Where parallel work runs, and how it is told to stop.
 
 use crate::Error;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// Time between two questions to the caller while the work goes on elsewhere.
+const PATIENCE: Duration = Duration::from_millis(20);
 
 /// The threads of one call, and the caller's wish to go on.
 ///
@@ -39,9 +45,59 @@ impl<'a> Workers<'a> {
         }
     }
 
+    /// Runs `work` on the threads of this call while the calling thread asks `go_on`, for work
+    /// that has no even chunks: it looks at [`Stop`] instead.
+    ///
+    /// # Errors
+    /// Those of the work.
+    pub fn watch<R: Send>(
+        &self,
+        work: impl FnOnce(&Stop) -> Result<R, Error> + Send,
+    ) -> Result<R, Error> {
+        let stop = Stop::default();
+        let mut result = Err(Error::Stopped);
+        let (running, finished) = channel::<()>();
+        let (stop, result_of_work) = (&stop, &mut result);
+        let work = move || {
+            let _running = running;
+            *result_of_work = work(stop);
+        };
+        let wait = || {
+            while finished.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+                if !(self.go_on)() {
+                    stop.0.store(true, Ordering::Relaxed);
+                    break;
+                }
+            }
+        };
+        match &self.pool {
+            Some(pool) => pool.in_place_scope(|scope| {
+                scope.spawn(|_| work());
+                wait();
+            }),
+            None => rayon::in_place_scope(|scope| {
+                scope.spawn(|_| work());
+                wait();
+            }),
+        }
+        result
+    }
+
     /// # Errors
     /// [`Error::Stopped`] when the caller does not want to go on.
     pub fn check(&self) -> Result<(), Error> {
         if (self.go_on)() { Ok(()) } else { Err(Error::Stopped) }
+    }
+}
+
+/// Tells work on other threads that the caller does not want to go on.
+#[derive(Default)]
+pub struct Stop(AtomicBool);
+
+impl Stop {
+    /// # Errors
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn check(&self) -> Result<(), Error> {
+        if self.0.load(Ordering::Relaxed) { Err(Error::Stopped) } else { Ok(()) }
     }
 }

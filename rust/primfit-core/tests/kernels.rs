@@ -75,6 +75,17 @@ proptest! {
     }
 
     #[test]
+    fn clusters_do_not_depend_on_threads(
+        points in prop::collection::vec(point(), 5000..9000),
+        eps in prop::sample::select(vec![0.01, 0.04, 0.3]),
+        min_samples in 1_usize..12,
+    ) {
+        let one = dbscan(&points, eps, min_samples, &workers(1));
+        let three = dbscan(&points, eps, min_samples, &workers(3));
+        prop_assert_eq!(one.unwrap(), three.unwrap());
+    }
+
+    #[test]
     fn clusters_are_connected_components(points in prop::collection::vec(point(), 0..60)) {
         let eps = 0.2;
         let labels = dbscan(&points, eps, 1, &workers(1)).unwrap();
@@ -180,4 +191,20 @@ fn a_caller_can_stop_between_chunks() {
     let rays = vec![[0.5; 3]; 1 << 20];
     assert_eq!(caster.cast(&rays, &rays, &workers).err(), Some(Error::Stopped));
     assert_eq!(asked.get(), 3);
+}
+
+#[test]
+fn a_caller_can_stop_clustering() {
+    let asked = Cell::new(0);
+    let go_on = || {
+        asked.set(asked.get() + 1);
+        false
+    };
+    let workers = Workers::new(None, &go_on).unwrap();
+    // All are within reach of all, but no cell has enough points by itself.
+    let points: Vec<Vector> = (0..400_000)
+        .map(|i| [0.618_034, 0.754_878, 0.569_840].map(|step| (f64::from(i) * step).fract()))
+        .collect();
+    assert_eq!(dbscan(&points, 0.6, 150_000, &workers), Err(Error::Stopped));
+    assert_eq!(asked.get(), 1);
 }

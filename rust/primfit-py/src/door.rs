@@ -31,9 +31,11 @@ pub fn enter<R: Send>(
 /// The exception that a Python caller expects for an error of the core.
 pub fn to_python(error: Error) -> PyErr {
     match error {
-        Error::VertexOutOfRange { .. } | Error::NotFinite { .. } | Error::NoDirection { .. } => {
-            PyValueError::new_err(error.to_string())
-        }
+        Error::VertexOutOfRange { .. }
+        | Error::NotFinite { .. }
+        | Error::NoDirection { .. }
+        | Error::TooWide { .. }
+        | Error::TooMany { .. } => PyValueError::new_err(error.to_string()),
         Error::Stopped | Error::Threads { .. } => PyRuntimeError::new_err(error.to_string()),
     }
 }

@@ -2,13 +2,13 @@
 
 #![allow(clippy::inline_always)]
 
-use super::instructions::Instructions;
 use super::lanes::{Isa, Scalar};
 use super::ray::Start;
 use super::tiles::{Tiles, tasks};
 use super::tree::Tree;
 use super::triangle::ShearedRay;
 use super::{interleaved, packet, walk};
+use crate::instructions::Instructions;
 use crate::{Error, Vector, Workers};
 use rayon::prelude::*;
 use std::f64::consts::PI;

@@ -7,7 +7,6 @@
 
 mod beam;
 mod caster;
-mod instructions;
 mod interleaved;
 mod lanes;
 mod leaf;

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used)]
 
 use super::caster::{Hit, RayCaster, Way, cast_at_all};
-use super::instructions::Instructions;
 use crate::Vector;
+use crate::instructions::Instructions;
 use proptest::prelude::*;
 
 /// Numbers in -1..1 that follow from a seed.

@@ -1,6 +1,6 @@
 //! Which instruction sets the processor has.
 
-/// An instruction set that rays can be cast on, all with the same results.
+/// An instruction set that kernels are compiled for, all with the same results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Instructions {
     Scalar,

@@ -1,0 +1,261 @@
+//! Points against planes, in float32 and float64.
+//!
+//! The loops are plain: the compiler makes vectors of them, once for each instruction set.
+
+use super::{Job, Score};
+use crate::instructions::Instructions;
+use crate::workers::Stop;
+use crate::{Error, Vector};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Points that stay in the first-level cache while several planes pass over them; not a power of
+/// two, or all rows would compete for the same places there.
+const BLOCK: usize = 1040;
+/// Blocks that stay in the second-level cache while all planes pass over them.
+const BLOCKS: usize = 16;
+/// Planes that one task scores.
+const PLANES: usize = 16;
+/// What a perfect inlier adds to an MSAC score; a block of them fits 32 bits.
+const WHOLE: u16 = 1 << 15;
+
+/// Compiles a kernel once for each instruction set.
+macro_rules! for_each_instruction_set {
+    ($name:ident, $body:ident, $rows:literal, $bits:ident) => {
+        fn $name(instructions: Instructions, block: &Block<$rows>, plane: &Plane) -> $bits {
+            match instructions {
+                Instructions::Scalar => $body(block, plane),
+                #[cfg(target_arch = "x86_64")]
+                Instructions::Avx2 => {
+                    #[target_feature(enable = "avx2,fma")]
+                    fn avx2(block: &Block<$rows>, plane: &Plane) -> $bits {
+                        $body(block, plane)
+                    }
+                    // SAFETY: the processor has what the function is compiled for.
+                    unsafe { avx2(block, plane) }
+                }
+                #[cfg(target_arch = "x86_64")]
+                Instructions::Avx512 => {
+                    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
+                    fn avx512(block: &Block<$rows>, plane: &Plane) -> $bits {
+                        $body(block, plane)
+                    }
+                    // SAFETY: the processor has what the function is compiled for.
+                    unsafe { avx512(block, plane) }
+                }
+            }
+        }
+    };
+}
+
+/// The scorer for one float type.
+macro_rules! scorer {
+    ($module:ident, $float:ident, $bits:ident, $round:literal) => {
+        pub mod $module {
+            use super::*;
+
+            /// Adding it to a small number leaves the rounded number in the lowest bits.
+            const ROUND: $float = $round;
+            /// What an outlier loses: the whole.
+            const LOST: $float = ROUND + WHOLE as $float;
+
+            /// Points by coordinate, then their directions if any.
+            #[derive(Clone)]
+            #[repr(align(64))]
+            struct Block<const ROWS: usize>([[$float; BLOCK]; ROWS]);
+
+            /// A plane as the kernels want it.
+            struct Plane {
+                /// `[a, b, c, d]`, for MSAC scaled so that an inlier's square is below [`WHOLE`].
+                equation: [$float; 4],
+                /// The normal towards the beams, in thresholds.
+                approach: [$float; 3],
+                threshold: $float,
+            }
+
+            pub fn run(
+                job: &Job,
+                center: Vector,
+                instructions: Instructions,
+                stop: &Stop,
+            ) -> Result<Vec<f64>, Error> {
+                let t = job.threshold;
+                let score = if t > 0.0 { job.score } else { Score::Count };
+                let whole = f64::from(WHOLE);
+                let scale = match (score, job.directions) {
+                    (Score::Count, _) => 1.0,
+                    (Score::Msac, None) => whole.sqrt() / t,
+                    (Score::Msac, Some(_)) => whole.sqrt(),
+                };
+                let planes: Vec<Plane> = job
+                    .equations
+                    .iter()
+                    .map(|&[a, b, c, d]| {
+                        let offset = a * center[0] + b * center[1] + c * center[2] + d;
+                        Plane {
+                            equation: [a, b, c, offset].map(|value| (scale * value) as $float),
+                            approach: [a, b, c].map(|value| (-t * value) as $float),
+                            threshold: t as $float,
+                        }
+                    })
+                    .collect();
+                let sums = match (job.directions, score) {
+                    (None, Score::Count) => {
+                        over(job, center, &planes, instructions, near_count, stop)
+                    }
+                    (None, Score::Msac) => {
+                        over(job, center, &planes, instructions, near_msac, stop)
+                    }
+                    (Some(_), Score::Count) => {
+                        over(job, center, &planes, instructions, front_count, stop)
+                    }
+                    (Some(_), Score::Msac) => {
+                        over(job, center, &planes, instructions, front_msac, stop)
+                    }
+                }?;
+                let unit = if score == Score::Msac { whole } else { 1.0 };
+                Ok(sums.into_iter().map(|sum| sum.into_inner() as f64 / unit).collect())
+            }
+
+            fn over<const ROWS: usize>(
+                job: &Job,
+                center: Vector,
+                planes: &[Plane],
+                instructions: Instructions,
+                kernel: impl Fn(Instructions, &Block<ROWS>, &Plane) -> $bits + Sync,
+                stop: &Stop,
+            ) -> Result<Vec<AtomicU64>, Error> {
+                let sums: Vec<AtomicU64> = planes.iter().map(|_| AtomicU64::new(0)).collect();
+                let n_tasks = job.points.len().div_ceil(BLOCK * BLOCKS);
+                (0..n_tasks).into_par_iter().try_for_each_init(Vec::new, |blocks, task| {
+                    fill(blocks, job, task * BLOCK * BLOCKS, center);
+                    sums.par_chunks(PLANES).zip(planes.par_chunks(PLANES)).try_for_each(
+                        |(sums, planes)| {
+                            stop.check()?;
+                            let mut scores = [0; PLANES];
+                            for block in blocks.iter() {
+                                for (score, plane) in scores.iter_mut().zip(planes) {
+                                    *score += u64::from(kernel(instructions, block, plane));
+                                }
+                            }
+                            for (sum, score) in sums.iter().zip(scores) {
+                                sum.fetch_add(score, Ordering::Relaxed);
+                            }
+                            Ok(())
+                        },
+                    )
+                })?;
+                Ok(sums)
+            }
+
+            /// Some points from `first` on. The last block is filled up with NaN, which no
+            /// threshold admits.
+            fn fill<const ROWS: usize>(
+                blocks: &mut Vec<Block<ROWS>>,
+                job: &Job,
+                first: usize,
+                center: Vector,
+            ) {
+                let last = job.points.len().min(first + BLOCK * BLOCKS);
+                blocks.resize((last - first).div_ceil(BLOCK), Block([[$float::NAN; BLOCK]; ROWS]));
+                for (block, first) in blocks.iter_mut().zip((first..last).step_by(BLOCK)) {
+                    let rows = first..last.min(first + BLOCK);
+                    for (i, point) in job.points[rows.clone()].iter().enumerate() {
+                        for k in 0..3 {
+                            block.0[k][i] = (point[k] - center[k]) as $float;
+                        }
+                    }
+                    for (i, direction) in
+                        job.directions.iter().flat_map(|all| &all[rows.clone()]).enumerate()
+                    {
+                        for k in 0..3 {
+                            block.0[3 + k][i] = direction[k] as $float;
+                        }
+                    }
+                    for row in &mut block.0 {
+                        row[rows.len()..].fill($float::NAN);
+                    }
+                }
+            }
+
+            for_each_instruction_set!(near_count, near_count_body, 3, $bits);
+            for_each_instruction_set!(near_msac, near_msac_body, 3, $bits);
+            for_each_instruction_set!(front_count, front_count_body, 6, $bits);
+            for_each_instruction_set!(front_msac, front_msac_body, 6, $bits);
+
+            // Plain functions would not be compiled for the instruction set of their caller.
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn near_count_body(Block([x, y, z]): &Block<3>, plane: &Plane) -> $bits {
+                (0..BLOCK)
+                    .map(|i| {
+                        let distance = distance(plane, [x[i], y[i], z[i]]);
+                        $bits::from(distance.abs() <= plane.threshold)
+                    })
+                    .sum()
+            }
+
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn near_msac_body(Block([x, y, z]): &Block<3>, plane: &Plane) -> $bits {
+                gain((0..BLOCK).map(|i| loss(distance(plane, [x[i], y[i], z[i]]))))
+            }
+
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn front_count_body(Block([x, y, z, ux, uy, uz]): &Block<6>, plane: &Plane) -> $bits {
+                (0..BLOCK)
+                    .map(|i| {
+                        let distance = distance(plane, [x[i], y[i], z[i]]);
+                        // From behind the limit is negative, and no distance is below that.
+                        $bits::from(distance.abs() <= limit(plane, [ux[i], uy[i], uz[i]]))
+                    })
+                    .sum()
+            }
+
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn front_msac_body(Block([x, y, z, ux, uy, uz]): &Block<6>, plane: &Plane) -> $bits {
+                gain((0..BLOCK).map(|i| {
+                    let limit = limit(plane, [ux[i], uy[i], uz[i]]);
+                    let loss = loss(distance(plane, [x[i], y[i], z[i]]) / limit);
+                    if limit > 0.0 { loss } else { LOST }
+                }))
+            }
+
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn distance(plane: &Plane, [x, y, z]: [$float; 3]) -> $float {
+                let [a, b, c, d] = plane.equation;
+                a.mul_add(x, b.mul_add(y, c.mul_add(z, d)))
+            }
+
+            /// The greatest distance of an inlier whose beam has a direction.
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn limit(plane: &Plane, [x, y, z]: [$float; 3]) -> $float {
+                let [a, b, c] = plane.approach;
+                a.mul_add(x, b.mul_add(y, c * z))
+            }
+
+            /// The square of a scaled distance, rounded into the lowest bits. NaN loses all.
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn loss(distance: $float) -> $float {
+                let square = distance.mul_add(distance, ROUND);
+                if square < LOST { square } else { LOST }
+            }
+
+            /// What is left of a block after the losses.
+            #[allow(clippy::inline_always)]
+            #[inline(always)]
+            fn gain(losses: impl Iterator<Item = $float>) -> $bits {
+                let lost = losses.fold(0, |sum: $bits, loss| sum.wrapping_add(loss.to_bits()));
+                LOST.to_bits().wrapping_mul(BLOCK as $bits).wrapping_sub(lost)
+            }
+        }
+    };
+}
+
+scorer!(single, f32, u32, 12_582_912.0);
+scorer!(double, f64, u64, 6_755_399_441_055_744.0);
