@@ -12,6 +12,7 @@ from primfit.paths import grid_path, waypoints
 from primfit.planes import Plane, Planes, detect_planes
 from primfit.scanning import scan
 from primfit.scans import Scan
+from primfit.segmentation import SegmentationReport, evaluate_segmentation
 from primfit.sensors import Lidar
 from primfit.solids import Prism
 from primfit.worlds import Arena, World, WorldFullError, random_world
@@ -31,12 +32,14 @@ __all__ = [
     "RayCaster",
     "Report",
     "Scan",
+    "SegmentationReport",
     "World",
     "WorldFullError",
     "dbscan",
     "detect",
     "detect_planes",
     "evaluate",
+    "evaluate_segmentation",
     "grid_path",
     "random_world",
     "read_points",
