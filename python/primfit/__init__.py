@@ -3,10 +3,12 @@
 from importlib.metadata import version
 
 from primfit.casting import RayCaster
+from primfit.clouds import Cloud
 from primfit.clustering import dbscan
+from primfit.depth import points_of_depth
 from primfit.detection import Detection, FoundArena, FoundSolid, detect
 from primfit.evaluation import Report, evaluate
-from primfit.files import read_points, write_points
+from primfit.files import read_cloud, read_points, write_cloud, write_points
 from primfit.paper import PaperSettings
 from primfit.paths import grid_path, waypoints
 from primfit.planes import Plane, Planes, detect_planes
@@ -21,6 +23,7 @@ __version__ = version("primfit")
 
 __all__ = [
     "Arena",
+    "Cloud",
     "Detection",
     "FoundArena",
     "FoundSolid",
@@ -41,9 +44,12 @@ __all__ = [
     "evaluate",
     "evaluate_segmentation",
     "grid_path",
+    "points_of_depth",
     "random_world",
+    "read_cloud",
     "read_points",
     "scan",
     "waypoints",
+    "write_cloud",
     "write_points",
 ]
