@@ -12,6 +12,7 @@ from primfit.files import read_cloud, read_points, write_cloud, write_points
 from primfit.paper import PaperSettings
 from primfit.paths import grid_path, waypoints
 from primfit.planes import Plane, Planes, detect_planes
+from primfit.polyhedron import Polyhedron
 from primfit.scanning import scan
 from primfit.scans import Scan
 from primfit.segmentation import SegmentationReport, evaluate_segmentation
@@ -31,6 +32,7 @@ __all__ = [
     "PaperSettings",
     "Plane",
     "Planes",
+    "Polyhedron",
     "Prism",
     "RayCaster",
     "Report",
