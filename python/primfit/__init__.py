@@ -12,6 +12,7 @@ from primfit.files import read_cloud, read_points, write_cloud, write_points
 from primfit.paper import PaperSettings
 from primfit.paths import grid_path, waypoints
 from primfit.planes import Plane, Planes, detect_planes
+from primfit.polyhedra import FoundPolyhedron, Polyhedra, find_polyhedra
 from primfit.polyhedron import Polyhedron
 from primfit.scanning import scan
 from primfit.scans import Scan
@@ -27,11 +28,13 @@ __all__ = [
     "Cloud",
     "Detection",
     "FoundArena",
+    "FoundPolyhedron",
     "FoundSolid",
     "Lidar",
     "PaperSettings",
     "Plane",
     "Planes",
+    "Polyhedra",
     "Polyhedron",
     "Prism",
     "RayCaster",
@@ -45,6 +48,7 @@ __all__ = [
     "detect_planes",
     "evaluate",
     "evaluate_segmentation",
+    "find_polyhedra",
     "grid_path",
     "points_of_depth",
     "random_world",

@@ -37,8 +37,11 @@ class Shape:
     rotations: Floats
 
 
-def shape_of(vertices: Floats, faces: Faces) -> Shape:
+def shape_of(vertices: Floats, faces: Faces, tolerance: float = TOLERANCE) -> Shape:
     """Kind, size and orientation of a closed surface, oriented outwards and without flat edges.
+
+    Lengths that differ by less than `tolerance` of the size are equal, and angles by less than
+    `tolerance` radians.
 
     The own frame has its z axis from the base into the solid, and its x axis along a side of the
     base. The base is that of a pyramid, frustum or prism, and the largest face of others; the side
@@ -49,9 +52,9 @@ def shape_of(vertices: Floats, faces: Faces) -> Shape:
     center = vertices.mean(axis=0)
     vertices = vertices - center
     scale = float(np.abs(vertices).max())
-    kind, bases, footprint = _kind(vertices, faces, scale)
+    kind, bases, footprint = _kind(vertices, faces, scale, tolerance)
     shell = Shell.of(faces)
-    flags, frames = _candidates(vertices, faces, shell, bases, scale)
+    flags, frames = _candidates(vertices, faces, shell, bases, scale * tolerance)
     walks = [shell.walk(int(flag)) for flag in flags]
     words = [
         np.append(pattern.ravel(), (vertices[shell.start[order]] @ frame / scale).ravel())
@@ -59,16 +62,16 @@ def shape_of(vertices: Floats, faces: Faces) -> Shape:
     ]
     last = words[0]
     for word in words:
-        different = np.flatnonzero(np.abs(word - last) > TOLERANCE)
+        different = np.flatnonzero(np.abs(word - last) > tolerance)
         if len(different) and word[different[0]] > last[different[0]]:
             last = word
-    rotations = frames[[np.abs(word - last).max() <= TOLERANCE for word in words]]
-    turns = np.rint(Rotation.from_matrix(rotations).magnitude() / TOLERANCE)
+    rotations = frames[[np.abs(word - last).max() <= tolerance for word in words]]
+    turns = np.rint(Rotation.from_matrix(rotations).magnitude() / tolerance)
     rotations = rotations[np.argsort(turns, kind="stable")]
     extents = np.sort(np.ptp(vertices @ rotations[0], axis=0))[::-1]
     if footprint is not None:
         footprint = footprint + center[:2]
-        size: float | tuple[float, ...] = footprints.size_of(footprint)
+        size: float | tuple[float, ...] = footprints.size_of(footprint, kind)
     elif kind == "cube":
         size = float(extents.mean())
     else:
@@ -77,7 +80,7 @@ def shape_of(vertices: Floats, faces: Faces) -> Shape:
 
 
 def _candidates(
-    vertices: Floats, faces: Faces, shell: Shell, bases: list[int], scale: float
+    vertices: Floats, faces: Faces, shell: Shell, bases: list[int], slack: float
 ) -> tuple[Ints, Floats]:
     """Sides (half-edges) of bases that may carry the own x axis, and their frames."""
     flags = np.flatnonzero(np.isin(shell.face, bases))
@@ -98,29 +101,31 @@ def _candidates(
     )
     left = np.arange(len(flags))
     for measure in (np.sqrt(areas[shell.face[flags]]), -perimeters, lengths):
-        left = left[measure[left] >= measure[left].max() - TOLERANCE * scale]
+        left = left[measure[left] >= measure[left].max() - slack]
     return flags[left], frames[left]
 
 
-def _kind(vertices: Floats, faces: Faces, scale: float) -> tuple[str, list[int], Floats | None]:
+def _kind(
+    vertices: Floats, faces: Faces, scale: float, tolerance: float
+) -> tuple[str, list[int], Floats | None]:
     """Name, the faces that may be its base, and the footprint of an upright prism."""
     found: dict[str, list[int]] = {}
     footprint = None
-    for i, j, ratio, shift in _pairs_of_bases(vertices, faces, scale):
+    for i, j, ratio, shift in _pairs_of_bases(vertices, faces, scale * tolerance):
         normal = area_vectors(vertices, faces[i : i + 1])[0]
         normal /= np.linalg.norm(normal)
-        if abs(ratio - 1.0) > TOLERANCE:
+        if abs(ratio - 1.0) > tolerance:
             found.setdefault("frustum", []).append(i if ratio < 1.0 else j)
-        elif np.linalg.norm(np.cross(shift, normal)) > TOLERANCE * scale:
+        elif np.linalg.norm(np.cross(shift, normal)) > tolerance * scale:
             found.setdefault("oblique", []).extend((i, j))
         else:
-            base = footprints.kind_of(_in_plane(vertices[faces[i]], normal))
+            base = footprints.kind_of(_in_plane(vertices[faces[i]], normal), tolerance)
             found.setdefault(base, []).extend((i, j))
-            if abs(normal[2]) >= 1.0 - TOLERANCE**2:
+            if abs(normal[2]) >= 1.0 - tolerance**2:
                 low = faces[i if normal[2] < 0.0 else j]
                 footprint = footprints.clean_footprint(vertices[low, :2])
     kind, bases = _name(found, vertices, faces)
-    return kind if footprint is None else footprints.kind_of(footprint), bases, footprint
+    return kind if footprint is None else footprints.kind_of(footprint, tolerance), bases, footprint
 
 
 def _name(found: dict[str, list[int]], vertices: Floats, faces: Faces) -> tuple[str, list[int]]:
@@ -150,7 +155,7 @@ def _in_plane(corners: Floats, normal: Floats) -> Floats:
 
 
 def _pairs_of_bases(
-    vertices: Floats, faces: Faces, scale: float
+    vertices: Floats, faces: Faces, slack: float
 ) -> Iterator[tuple[int, int, float, Floats]]:
     """Faces (i, j) that all others join, with one the other moved and scaled.
 
@@ -174,7 +179,7 @@ def _pairs_of_bases(
             low_arms, high_arms = low - low.mean(axis=0), high - high.mean(axis=0)
             ratio = float((low_arms * high_arms).sum() / (low_arms**2).sum())
             off = np.abs(high_arms - ratio * low_arms).max()
-            if ratio > 0.0 and off <= TOLERANCE * scale:
+            if ratio > 0.0 and off <= slack:
                 yield i, j, ratio, high.mean(axis=0) - low.mean(axis=0)
 
 
