@@ -156,6 +156,19 @@ class TestConstruction:
         with pytest.raises(ValueError, match="must be one surface"):
             Polyhedron(np.vstack([CUBE, (CUBE + 1)[1:]]), touching)
 
+    def test_a_pit_that_touches_the_bottom(self):
+        vertices = np.vstack([CUBE, [0.5, 0.5, 0.0]])
+        sides = CUBE_FACES[2:]
+        pit = [(4, 5, 8), (5, 7, 8), (7, 6, 8), (6, 4, 8)]
+        bottom = [(1, 0, 8), (3, 1, 8), (2, 3, 8), (0, 2, 8)]
+        with pytest.raises(ValueError, match="some only touch at vertex 8"):
+            Polyhedron(vertices, [*sides, *pit, *bottom])
+        above = np.vstack([vertices, [0.5, 0.5, 0.3]])
+        deep = [tuple(9 if i == 8 else i for i in face) for face in pit]
+        solid = Polyhedron(above, [*sides, *deep, *bottom])
+        assert solid.volume == pytest.approx(1 - 0.7 / 3)
+        assert len(solid.faces) == 9
+
     def test_one_sided_surface(self):
         # The projective plane of six vertices: every edge in two triangles, no outside.
         faces = [
