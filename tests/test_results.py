@@ -161,45 +161,6 @@ class TestExports:
             found.save_mesh(tmp_path / "found.fbx")
 
 
-class TestFiles:
-    @pytest.mark.parametrize(
-        "suffix", [".ply", ".pcd", ".las", ".laz", ".xyz", ".txt", ".pts", ".npy", ".npz"]
-    )
-    @pytest.mark.parametrize("colored", [False, True])
-    def test_round_trip(self, suffix, colored, tmp_path):
-        points = np.random.default_rng(1).uniform(-5, 5, (100, 3))
-        colors = np.random.default_rng(2).integers(0, 256, (100, 3)) if colored else None
-        file = tmp_path / f"cloud{suffix}"
-        primfit.write_points(file, points, colors=colors)
-        tolerance = {".las": 6e-5, ".laz": 6e-5, ".ply": 1e-6}.get(suffix, 0.0)
-        np.testing.assert_allclose(primfit.read_points(file), points, rtol=0, atol=tolerance)
-
-    def test_columns_beyond_the_third_and_counts_are_left_out(self, tmp_path):
-        file = tmp_path / "cloud.pts"
-        file.write_text("2\n1 2 3 0.5\n4 5 6 0.5\n")
-        np.testing.assert_array_equal(primfit.read_points(file), [[1, 2, 3], [4, 5, 6]])
-        file.write_text("1,2,3\n4,5,6\n")
-        np.testing.assert_array_equal(primfit.read_points(file), [[1, 2, 3], [4, 5, 6]])
-
-    @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".las", ".laz", ".xyz", ".npy", ".npz"])
-    def test_foreign_files(self, suffix, tmp_path):
-        file = tmp_path / f"cloud{suffix}"
-        file.write_bytes(b"\x00garbage\xff\n" * 5)
-        with pytest.raises(ValueError, match=f"is not readable as {suffix}"):
-            primfit.read_points(file)
-
-    def test_unknown_and_missing_files(self, tmp_path):
-        with pytest.raises(FileNotFoundError, match="there is no file"):
-            primfit.read_points(tmp_path / "nothing.ply")
-        (tmp_path / "cloud.doc").write_text("")
-        with pytest.raises(ValueError, match="file must end in one of"):
-            primfit.read_points(tmp_path / "cloud.doc")
-        with pytest.raises(ValueError, match="file must end in one of"):
-            primfit.write_points(tmp_path / "cloud.doc", np.zeros((1, 3)))
-        with pytest.raises(ValueError, match="colors must have shape"):
-            primfit.write_points(tmp_path / "cloud.ply", np.zeros((1, 3)), colors=np.zeros((2, 3)))
-
-
 class TestPictures:
     def test_all_plots_draw_without_a_display(self, world, scan, found, tmp_path):
         figure = plotting.new_figure(4, 4)

@@ -3,15 +3,20 @@
 from importlib.metadata import version
 
 from primfit.casting import RayCaster
+from primfit.clouds import Cloud
 from primfit.clustering import dbscan
+from primfit.depth import points_of_depth
 from primfit.detection import Detection, FoundArena, FoundSolid, detect
 from primfit.evaluation import Report, evaluate
-from primfit.files import read_points, write_points
+from primfit.files import read_cloud, read_points, write_cloud, write_points
 from primfit.paper import PaperSettings
 from primfit.paths import grid_path, waypoints
 from primfit.planes import Plane, Planes, detect_planes
+from primfit.polyhedra import FoundPolyhedron, Polyhedra, find_polyhedra
+from primfit.polyhedron import Polyhedron
 from primfit.scanning import scan
 from primfit.scans import Scan
+from primfit.segmentation import SegmentationReport, evaluate_segmentation
 from primfit.sensors import Lidar
 from primfit.solids import Prism
 from primfit.worlds import Arena, World, WorldFullError, random_world
@@ -20,27 +25,37 @@ __version__ = version("primfit")
 
 __all__ = [
     "Arena",
+    "Cloud",
     "Detection",
     "FoundArena",
+    "FoundPolyhedron",
     "FoundSolid",
     "Lidar",
     "PaperSettings",
     "Plane",
     "Planes",
+    "Polyhedra",
+    "Polyhedron",
     "Prism",
     "RayCaster",
     "Report",
     "Scan",
+    "SegmentationReport",
     "World",
     "WorldFullError",
     "dbscan",
     "detect",
     "detect_planes",
     "evaluate",
+    "evaluate_segmentation",
+    "find_polyhedra",
     "grid_path",
+    "points_of_depth",
     "random_world",
+    "read_cloud",
     "read_points",
     "scan",
     "waypoints",
+    "write_cloud",
     "write_points",
 ]

@@ -219,7 +219,8 @@ def _write(
     if cloud:
         rows = found.scan.is_return
         colors = plotting.plane_colors(len(found.planes))[found.labels[rows]]
-        primfit.write_points(cloud, found.scan.points[rows], colors=colors)
+        fields = {"color": colors, "label": found.labels[rows]}
+        primfit.write_cloud(cloud, primfit.Cloud(found.scan.points[rows], fields))
     if picture:
         plotting.save_detection(picture, found)
     if mesh:

@@ -12,8 +12,10 @@ from scipy.optimize import linear_sum_assignment
 from primfit._check import Floats, instance, number
 from primfit.detection import Detection, FoundSolid
 from primfit.footprints import symmetry_angle
+from primfit.polyhedron import Polyhedron
+from primfit.shapes import turn_between
 from primfit.solids import Prism
-from primfit.worlds import World
+from primfit.worlds import Solid, World
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -30,10 +32,11 @@ class Row:
     found : str or None
         Kind that was found; None when it was missed.
     center_error_mm : float
-        Distance of the centres, seen from above.
+        Distance of the centres; seen from above for upright prisms.
     angle_error_deg : float
-        Difference of the angles on the circle, modulo the true symmetry of the solid. NaN where
-        outlines with different numbers of corners have no angle in common.
+        Difference of the angles on the circle, or for solids that are not upright prisms the angle
+        of the turn between them; modulo the true symmetry of the solid. NaN where outlines with
+        different numbers of corners, or faces that meet otherwise, have no angle in common.
     size_error_mm : float
         Largest difference of the sizes; NaN when the kinds differ.
     solid, detection : int
@@ -181,22 +184,31 @@ def evaluate(found: Detection, world: World, *, max_distance: float = 0.1) -> Re
         _compare(i, solid, match.get(i, -1), found) for i, solid in enumerate(world.solids)
     )
     spurious = tuple(j for j in range(len(found.solids)) if j not in match.values())
-    n_walls = sum(len(solid.footprint) for solid in world.solids)
+    n_walls = sum(_n_upright_faces(solid) for solid in world.solids)
     upright = sum(abs(plane.equation[2]) < 0.5 for plane in found.planes)
     return Report(rows, spurious, int(upright), n_walls + (4 if world.arena else 0))
 
 
-def _compare(i: int, solid: Prism, j: int, found: Detection) -> Row:
+def _n_upright_faces(solid: Solid) -> int:
+    if isinstance(solid, Prism):
+        return len(solid.footprint)
+    return int((np.abs(solid.normals[:, 2]) < 0.5).sum())
+
+
+def _compare(i: int, solid: Solid, j: int, found: Detection) -> Row:
     if j < 0:
         return Row(solid.kind, None, np.nan, np.nan, np.nan, i, j)
     other = found.solids[j]
     size_error = np.nan
     if other.kind == solid.kind:
         size_error = 1e3 * float(np.abs(np.subtract(other.size, solid.size)).max())
+    difference = other.center - solid.center
+    if solid.footprint is not None or np.isnan(difference[2]):
+        difference = difference[:2]
     return Row(
         truth=solid.kind,
         found=other.kind,
-        center_error_mm=1e3 * float(np.linalg.norm((other.center - solid.center)[:2])),
+        center_error_mm=1e3 * float(np.linalg.norm(difference)),
         angle_error_deg=float(np.degrees(_angle_error(solid, other))),
         size_error_mm=size_error,
         solid=i,
@@ -204,11 +216,17 @@ def _compare(i: int, solid: Prism, j: int, found: Detection) -> Row:
     )
 
 
-def _angle_error(solid: Prism, other: FoundSolid) -> float:
+def _angle_error(solid: Solid, other: FoundSolid) -> float:
     """Difference of two angles modulo the symmetry of the true solid, radians.
 
-    Without a kind in common the outlines themselves are laid over each other.
+    Without a kind in common the outlines themselves are laid over each other, and without an
+    outline in common the faces.
     """
+    if solid.footprint is None or other.footprint is None:
+        if isinstance(solid, Prism):
+            solid = Polyhedron(solid.vertices, solid.faces)
+        pose = solid.vertices, solid.faces, solid.symmetry
+        return turn_between(*pose, other.vertices, other.faces)
     period = symmetry_angle(solid.footprint)
     if other.kind == solid.kind and solid.kind != "polygon":
         turn = other.angle - solid.angle

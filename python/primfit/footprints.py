@@ -106,28 +106,28 @@ def symmetry(footprint: Floats, tolerance: float = TOLERANCE) -> tuple[int, int]
     return runs.index(best), runs.count(best)
 
 
-def kind_of(footprint: Floats) -> str:
+def kind_of(footprint: Floats, tolerance: float = TOLERANCE) -> str:
     """Name of a footprint: "triangle", "square", "rectangle", ..., "star" or "polygon".
 
     Triangle, square, pentagon and so on are regular; a star has alternating radii.
     """
     n = len(footprint)
-    order = symmetry(footprint)[1]
+    order = symmetry(footprint, tolerance)[1]
     if order == n:
         return regular_name(n)
     if n == 4 and order == 2:
         a, b = sides(footprint)[:2]
-        square_corner = abs(a @ b) <= TOLERANCE * np.linalg.norm(a) * np.linalg.norm(b)
+        square_corner = abs(a @ b) <= tolerance * np.linalg.norm(a) * np.linalg.norm(b)
         return "rectangle" if square_corner else "polygon"
-    if n >= 6 and 2 * order == n and _is_mirrored(footprint):
+    if n >= 6 and 2 * order == n and _is_mirrored(footprint, tolerance):
         return "star"
     return "polygon"
 
 
-def _is_mirrored(footprint: Floats) -> bool:
+def _is_mirrored(footprint: Floats, tolerance: float) -> bool:
     """Whether all sides are equally long, as in a star and not in a pinwheel."""
     lengths = np.linalg.norm(sides(footprint), axis=1)
-    return bool(np.ptp(lengths) <= TOLERANCE * lengths.max())
+    return bool(np.ptp(lengths) <= tolerance * lengths.max())
 
 
 def angle_of(footprint: Floats, kind: str | None = None, tolerance: float = TOLERANCE) -> float:

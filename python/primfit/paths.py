@@ -171,6 +171,6 @@ def is_free(world: World, positions: ArrayLike, clearance: float = 0.0) -> Bools
         free &= ((xy > low) & (xy < high)).all(axis=1)
         free &= (np.minimum(xy - low, high - xy) >= clearance).all(axis=1)
     for solid in world.solids:
-        distance = shapely.distance(shapely.Polygon(solid.footprint), points)
+        distance = shapely.distance(solid.shadow, points)
         free &= (distance > 0.0) & (distance >= clearance)
     return free

@@ -11,7 +11,8 @@ import numpy as np
 from primfit._check import Floats
 from primfit.detection import Detection
 from primfit.scans import Scan
-from primfit.worlds import COLORS, OTHER_COLOR, World
+from primfit.solids import Prism
+from primfit.worlds import COLORS, OTHER_COLOR, Solid, World
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,10 +67,19 @@ def plot_world(world: World, ax: Axes | None = None) -> Axes:
     if world.arena is not None:
         ax.fill(*world.arena.outline.T, facecolor="0.97", edgecolor="0.2", linewidth=2)
     for solid in world.solids:
-        ax.fill(*solid.footprint.T, facecolor=_color(solid.kind), edgecolor="0.2", alpha=0.9)
+        for outline in _tops(solid):
+            ax.fill(*outline.T, facecolor=_color(solid.kind), edgecolor="0.2", alpha=0.9)
         x, y, _ = solid.center
         ax.annotate(solid.kind, (x, y), ha="center", va="center", fontsize=7)
     return ax
+
+
+def _tops(solid: Solid) -> list[Floats]:
+    """Outlines (m, 2) of the faces that look upwards."""
+    if isinstance(solid, Prism):
+        return [solid.footprint]
+    up = solid.normals[:, 2] > 0.0
+    return [solid.vertices[face, :2] for face, is_up in zip(solid.faces, up, strict=True) if is_up]
 
 
 def plot_scan(scan: Scan, ax: Axes | None = None) -> Axes:
@@ -96,8 +106,8 @@ def plot_detection(found: Detection, world: World | None = None, ax: Axes | None
     x, y, _ = found.scan.points[rows].T
     ax.scatter(x, y, c=color, s=0.3, rasterized=True)
     if world is not None:
-        for solid in world.solids:
-            ax.fill(*solid.footprint.T, fill=False, edgecolor="0.1", linestyle="--", linewidth=0.8)
+        for outline in (each for solid in world.solids for each in _tops(solid)):
+            ax.fill(*outline.T, fill=False, edgecolor="0.1", linestyle="--", linewidth=0.8)
     for found_solid in found.solids:
         outline = found_solid.footprint
         ax.fill(*outline.T, facecolor=_color(found_solid.kind), alpha=0.45)

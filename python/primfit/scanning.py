@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
@@ -155,7 +154,5 @@ def _is_valid(world: World, positions: Floats, *, inside_arena: bool) -> Bools:
         low, high = world.bounds
         valid &= ((positions[:, :2] > low) & (positions[:, :2] < high)).all(axis=1)
     for solid in world.solids:
-        within = shapely.intersects_xy(shapely.Polygon(solid.footprint), positions[:, :2])
-        z = positions[:, 2]
-        valid &= ~(within & (z >= solid.base) & (z <= solid.base + solid.height))
+        valid &= ~solid.contains(positions)
     return valid

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from primfit import footprints
-from primfit._check import Floats, Ints, as_vector, frozen, integer, number
+from primfit._check import Bools, Floats, Ints, as_rows, as_vector, frozen, integer, number
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +134,18 @@ class Prism:
         """Rows of `vertices` around each face, seen from outside: m walls, bottom, top."""
         return prism_faces(len(self.footprint))
 
+    @property
+    def shadow(self) -> shapely.Polygon:
+        """What it covers as seen from above."""
+        return shapely.Polygon(self.footprint)
+
+    def contains(self, points: ArrayLike) -> Bools:
+        """Which points (n, 3) are inside or on the surface."""
+        rows = as_rows("points", points, 3)
+        z = rows[:, 2]
+        within = shapely.intersects_xy(self.shadow, rows[:, :2])
+        return within & (z >= self.base) & (z <= self.base + self.height)
+
     def to_mesh(self) -> tuple[Floats, Ints]:
         """Vertices (2m, 3) and triangles (t, 3), counter-clockwise from outside."""
         return self.vertices, prism_triangles(self.footprint)
@@ -176,11 +188,12 @@ def prism_triangles(footprint: Floats) -> Ints:
     i = np.arange(m)
     j = (i + 1) % m
     walls = np.concatenate([np.stack([i, j, j + m], axis=1), np.stack([i, j + m, i + m], axis=1)])
-    top = _triangulate(footprint)
+    top = triangulate(footprint)
     return np.concatenate([walls, top[:, ::-1], top + m]).astype(np.int64)
 
 
-def _triangulate(footprint: Floats) -> Ints:
+def triangulate(footprint: Floats) -> Ints:
+    """Triangles (t, 3) of a footprint, counter-clockwise, without new corners."""
     pieces = shapely.constrained_delaunay_triangles(shapely.Polygon(footprint))
     corners = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3]
     distance = np.abs(corners[:, :, None] - footprint).sum(axis=-1)

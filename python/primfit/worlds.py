@@ -15,10 +15,14 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from primfit._check import Bools, Floats, Ints, frozen, integer, number, range_of
+from primfit.polyhedron import Polyhedron
+from primfit.random_polyhedra import POLYHEDRA, random_polyhedron
 from primfit.solids import Prism
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+Solid = Prism | Polyhedron
 
 CELL = 0.01
 """Side of a cell of `World.mask` and `World.matrix`, metres."""
@@ -35,6 +39,11 @@ COLORS = {
     "rectangle": (90, 174, 97),
     "pentagon": (153, 112, 171),
     "star": (224, 168, 45),
+    "box": (90, 174, 97),
+    "cube": (67, 147, 195),
+    "wedge": (214, 96, 77),
+    "pyramid": (224, 168, 45),
+    "frustum": (153, 112, 171),
 }
 """Colour of each kind in `World.matrix` and in pictures (red, green, blue)."""
 OTHER_COLOR = (120, 120, 120)
@@ -79,7 +88,7 @@ class World:
 
     Parameters
     ----------
-    solids : sequence of Prism
+    solids : sequence of Prism and Polyhedron
         They may have any height and must not be inside each other for a scan to make sense; this
         is left to the caller.
     arena : Arena or None
@@ -93,16 +102,20 @@ class World:
     World(1 solid: square; arena 2 x 2 m)
     """
 
-    solids: Sequence[Prism] = ()
+    solids: Sequence[Solid] = ()
     arena: Arena | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.solids, Iterable):
-            raise TypeError(f"solids must be a sequence of Prism, not {self.solids!r}")
+            raise TypeError(
+                f"solids must be a sequence of Prism and Polyhedron, not {self.solids!r}"
+            )
         solids = tuple(self.solids)
         for i, solid in enumerate(solids):
-            if not isinstance(solid, Prism):
-                raise TypeError(f"solids[{i}] must be a Prism, not {type(solid).__name__}")
+            if not isinstance(solid, Solid):
+                raise TypeError(
+                    f"solids[{i}] must be a Prism or a Polyhedron, not {type(solid).__name__}"
+                )
         if self.arena is not None and not isinstance(self.arena, Arena):
             raise TypeError(f"arena must be an Arena or None, not {type(self.arena).__name__}")
         object.__setattr__(self, "solids", solids)
@@ -114,7 +127,7 @@ class World:
             return np.zeros(2), np.array(self.arena.size)
         if not self.solids:
             return np.zeros(2), np.zeros(2)
-        corners = np.concatenate([solid.footprint for solid in self.solids])
+        corners = np.concatenate([solid.vertices[:, :2] for solid in self.solids])
         return corners.min(axis=0), corners.max(axis=0)
 
     @cached_property
@@ -140,7 +153,7 @@ class World:
         y = low[1] + (np.arange(n_rows) + 0.5) * CELL
         cells = np.full((n_rows, n_columns), -1, dtype=np.int64)
         for i, solid in enumerate(self.solids):
-            cells[shapely.contains_xy(shapely.Polygon(solid.footprint), x, y[:, None])] = i
+            cells[shapely.contains_xy(solid.shadow, x, y[:, None])] = i
         return cells
 
     @cached_property
@@ -209,7 +222,11 @@ class World:
             if content["primfit"] != "world":
                 raise KeyError("primfit")
             arena = content["arena"] and Arena(**content["arena"])
-            return cls([Prism(**solid) for solid in content["solids"]], arena)
+            solids = [
+                Prism(**solid) if "footprint" in solid else Polyhedron(**solid)
+                for solid in content["solids"]
+            ]
+            return cls(solids, arena)
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(f"{file} is not a world that primfit wrote: {error!r}") from None
 
@@ -252,6 +269,7 @@ def random_world(
     wall_height: float = 0.3,
     wall_distance: float = 0.12,
     buffer: float = 0.06,
+    tilted: bool = True,
     max_attempts: int = 10_000,
 ) -> World:
     """A random world (the paper's Algorithm 1, equations 1 to 7).
@@ -269,21 +287,25 @@ def random_world(
     kinds : sequence of str
         Kinds to choose from, alike likely: "triangle", "square", "pentagon" to "octagon",
         "rectangle" (its long side is `RATIO` times the short one), "star" (five tips, the notches
-        at half the radius), "polygon" (5 to 8 corners at random bearings and radii).
+        at half the radius), "polygon" (5 to 8 corners at random bearings and radii); and polyhedra
+        (see `random_polyhedron`): "box", "cube", "wedge", "pyramid", "frustum", "prism".
     rng : None, int or numpy.random.Generator
         Same `rng`, same world.
     sizes : dict of str to (low, high), metres
-        Ranges that replace those of `SIZES`.
+        Ranges that replace those of `SIZES` and `primfit.random_polyhedra.POLYHEDRA`.
     angles : (low, high), radians
         Range of rotation.
     height : float or (low, high), metres
-        Height of the solids.
+        Height of the solids, but for polyhedra.
     wall_height : float, metres
         Height of the arena's walls.
     wall_distance : float, metres
         Least distance of a solid's vertices to the walls.
     buffer : float, metres
         The paper's p: how far each vertex is moved away from the centre for the overlap test.
+    tilted : bool
+        Whether polyhedra are turned anyhow, their lowest vertex on the floor; else they rest on a
+        random one of the faces that hold them, and boxes and cubes become upright prisms.
     max_attempts : int
         Positions to try for one solid.
 
@@ -305,17 +327,18 @@ def random_world(
     rng = np.random.default_rng(rng)
     sizes = sizes or {}
     kinds = list(kinds)
+    known = SIZES | POLYHEDRA
     for name, chosen in (("kinds", kinds), ("sizes", list(sizes))):
-        unknown = [kind for kind in chosen if kind not in SIZES]
+        unknown = [kind for kind in chosen if kind not in known]
         if unknown or not kinds:
             raise ValueError(
-                f"{name} must be taken from {', '.join(SIZES)}; not {unknown or kinds}"
+                f"{name} must be taken from {', '.join(known)}; not {unknown or kinds}"
             )
     counts = range_of("n_solids", n_solids)
     if counts[0] < 0 or counts[0] % 1 or counts[1] % 1:
         raise ValueError(f"n_solids must be a count or a range of counts, not {n_solids!r}")
     limits = {kind: range_of(f"sizes[{kind!r}]", each, above=0.0) for kind, each in sizes.items()}
-    ranges = SIZES | limits
+    ranges = known | limits
     turns, heights = range_of("angles", angles), range_of("height", height, above=0.0)
     wall_height = number("wall_height", wall_height, above=0.0)
     max_attempts = integer("max_attempts", max_attempts, low=1)
@@ -323,9 +346,15 @@ def random_world(
     buffer = number("buffer", buffer, low=0.0)
     arena = Arena(size, height=wall_height)  # type: ignore[arg-type]
 
-    solids: list[Prism] = []
+    solids: list[Solid] = []
     for _ in range(rng.integers(int(counts[0]), int(counts[1]) + 1)):
         kind = kinds[rng.integers(len(kinds))]
+        if kind in POLYHEDRA:
+            loose = random_polyhedron(kind, ranges[kind], turns, rng, tilted=tilted)
+            shape = shapely.get_coordinates(loose.shadow.exterior)[:-1]
+            outline = _find_place(shape, solids, arena, wall_distance, buffer, max_attempts, rng)
+            solids.append(loose.moved([*(outline[0] - shape[0]), 0.0]))
+            continue
         shape = _random_footprint(kind, ranges[kind], rng.uniform(*turns), rng)
         tall = float(rng.uniform(*heights))
         outline = _find_place(shape, solids, arena, wall_distance, buffer, max_attempts, rng)
@@ -352,7 +381,7 @@ def _random_footprint(
 
 def _find_place(
     shape: Floats,
-    solids: Sequence[Prism],
+    solids: Sequence[Solid],
     arena: Arena,
     wall_distance: float,
     buffer: float,
@@ -360,7 +389,7 @@ def _find_place(
     rng: np.random.Generator,
 ) -> Floats:
     """The paper's PlaceShape: same kind and angle, new positions until one is legal."""
-    others = shapely.MultiPolygon([shapely.Polygon(solid.footprint) for solid in solids])
+    others = shapely.MultiPolygon([solid.shadow for solid in solids])
     shape = shape - shape.mean(axis=0)
     grown = grow(shape, buffer)
     for _ in range(max_attempts):

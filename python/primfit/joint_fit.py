@@ -1,0 +1,60 @@
+"""Planes fitted to their points all at once, so that they meet in given corners."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from primfit._check import Floats, Ints
+
+
+def scatter_of(points: Floats, sigma: float) -> Floats:
+    """Sum of squared distances to a plane, over sigma, as a form (4, 4) of its equation."""
+    rows = np.column_stack([points, np.ones(len(points))])
+    return rows.T @ rows / sigma**2
+
+
+def fitted(points: Floats) -> Floats:
+    """Equation of the plane of least squares."""
+    center = points.mean(axis=0)
+    normal = np.linalg.svd(points - center, full_matrices=False)[2][2]
+    return np.append(normal, -normal @ center)
+
+
+def fitted_together(equations: Floats, scatters: Floats, corners: list[Ints]) -> Floats:
+    """Vertices (v, 3) of the planes of least squares that meet in the corners.
+
+    Sequential quadratic programming: planes and vertices are free, a plane of each face through
+    each of its corners is the constraint.
+    """
+    n_planes, n_vertices = len(equations), 1 + max(int(each.max()) for each in corners)
+    face = np.repeat(np.arange(n_planes), [len(each) for each in corners])
+    corner = np.concatenate(corners)
+    vertices = np.zeros((n_vertices, 3))
+    for v in range(n_vertices):
+        met = equations[face[corner == v]]
+        vertices[v] = np.linalg.lstsq(met[:, :3], -met[:, 3], rcond=None)[0]
+    n_free, n_meet = 4 * n_planes + 3 * n_vertices, len(face)
+    rows, planes = np.arange(n_meet), np.arange(n_planes)
+    for _ in range(20):
+        system = np.zeros((n_free + n_meet + n_planes,) * 2)
+        target = np.zeros(len(system))
+        jacobian = np.zeros((n_meet + n_planes, n_free))
+        for axis in range(3):
+            jacobian[rows, 4 * face + axis] = vertices[corner, axis]
+            jacobian[rows, 4 * n_planes + 3 * corner + axis] = equations[face, axis]
+            jacobian[n_meet + planes, 4 * planes + axis] = equations[:, axis]
+        jacobian[rows, 4 * face + 3] = 1.0
+        for k, (equation, scatter) in enumerate(zip(equations, scatters, strict=True)):
+            block = slice(4 * k, 4 * k + 4)
+            system[block, block] = scatter / np.trace(scatters[0])
+            target[block] = -system[block, block] @ equation
+        system[n_free:, :n_free], system[:n_free, n_free:] = jacobian, jacobian.T
+        misfit = np.einsum("ij,ij->i", equations[face, :3], vertices[corner]) + equations[face, 3]
+        target[n_free : n_free + n_meet] = -misfit
+        step = np.linalg.lstsq(system, target, rcond=1e-14)[0]
+        equations = equations + step[: 4 * n_planes].reshape(-1, 4)
+        equations /= np.linalg.norm(equations[:, :3], axis=1, keepdims=True)
+        vertices = vertices + step[4 * n_planes : n_free].reshape(-1, 3)
+        if np.abs(misfit).max() <= 1e-11 * np.abs(vertices).max():
+            break
+    return vertices
