@@ -7,8 +7,16 @@ mod caster;
 mod dbscan;
 mod error;
 mod fit;
+mod graph;
+mod growth;
 mod likelihood;
+mod merging;
+mod neighbors;
+mod normals;
+mod regions;
 mod scoring;
+mod segmentation;
+mod spread;
 mod triangle;
 mod workers;
 
@@ -17,7 +25,10 @@ pub use dbscan::dbscan;
 pub use error::Error;
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
 pub use likelihood::{Beams, Candidate, prism_costs};
+pub use neighbors::{Neighbor, PointTree};
+pub use normals::LocalPlane;
 pub use scoring::{Score, score_planes};
+pub use segmentation::segment;
 pub use workers::Workers;
 
 /// A point or a direction: x, y, z.
