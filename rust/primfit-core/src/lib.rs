@@ -4,6 +4,7 @@
 //! of threads, nor on the instruction set that the machine offers.
 
 mod caster;
+mod curvature;
 mod dbscan;
 mod error;
 mod fit;
@@ -14,6 +15,7 @@ mod merging;
 mod neighbors;
 mod normals;
 mod regions;
+mod roughness;
 mod scoring;
 mod segmentation;
 mod spread;

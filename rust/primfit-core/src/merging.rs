@@ -3,6 +3,7 @@
 use crate::graph::Graph;
 use crate::growth::NOBODY;
 use crate::regions::Region;
+use crate::roughness::Roughness;
 use std::collections::{BTreeSet, BinaryHeap};
 
 /// Squared distance, in variances, that each point of the smaller plane may move.
@@ -21,10 +22,11 @@ pub fn merge(graph: &Graph, regions: &[Region], labels: &[i32]) -> Vec<i32> {
     let mut touching = touching(graph, labels, regions.len());
     let mut version = vec![0_u32; regions.len()];
     let mut into: Vec<usize> = (0..regions.len()).collect();
+    let roughness = Roughness::of(&regions);
     let mut heap = BinaryHeap::new();
     for (a, others) in touching.iter().enumerate() {
         for &b in others.range(a + 1..) {
-            heap.extend(Pair::of(&regions, &version, a, b));
+            heap.extend(Pair::of(&roughness, &regions, &version, a, b));
         }
     }
     while let Some(Pair { a, b, versions, .. }) = heap.pop() {
@@ -43,7 +45,7 @@ pub fn merge(graph: &Graph, regions: &[Region], labels: &[i32]) -> Vec<i32> {
             }
         }
         for &other in &touching[a] {
-            heap.extend(Pair::of(&regions, &version, a.min(other), a.max(other)));
+            heap.extend(Pair::of(&roughness, &regions, &version, a.min(other), a.max(other)));
         }
     }
     labels
@@ -71,11 +73,21 @@ struct Pair {
 }
 
 impl Pair {
-    fn of(regions: &[Region], version: &[u32], a: usize, b: usize) -> Option<Self> {
+    fn of(
+        roughness: &Roughness,
+        regions: &[Region],
+        version: &[u32],
+        a: usize,
+        b: usize,
+    ) -> Option<Self> {
         let (first, second) = (&regions[a], &regions[b]);
         let both = joined(first, second);
         let planes = [first, second, &both].map(Region::spread);
-        let variances = [first.sigma(&planes[0]), second.sigma(&planes[1])].map(|s| s * s);
+        let extents = planes.map(|plane| plane.variances[1].sqrt());
+        let variances = [(first, 0), (second, 1)].map(|(region, k)| {
+            let sigma = region.sigma(&planes[k]);
+            roughness.sigma(sigma, extents[k], extents[2]).powi(2)
+        });
         let counts = [first.moments.count, second.moments.count];
         let variance = variances[0].max(variances[1]).min(UNEQUAL * variances[0].min(variances[1]));
         let squares = |k: usize, count: f64| planes[k].variances[0] * count;

@@ -1,11 +1,13 @@
 //! The planes of a cloud of which nothing is known: grown, in competition, merged, tested.
 
+use crate::curvature::Bend;
 use crate::graph::Graph;
 use crate::growth::{FEWEST, NOBODY, grow};
 use crate::merging::merge;
 use crate::neighbors::{PointTree, Search};
 use crate::normals::{FLAT, FLOOR, LocalPlane};
 use crate::regions::{self, Members, Region};
+use crate::spread::Spread;
 use crate::{Error, Vector, Workers};
 
 /// Rounds of competition; planes are merged after every second one.
@@ -14,8 +16,15 @@ const SWEEPS: usize = 8;
 const PURITY: f64 = 0.5;
 /// Least logarithm of the likelihood ratio of a plane to scattered points.
 const EVIDENCE: f64 = 5.0;
+/// Turn of the normal from side to side, radians, from which a part is curved, if it is so with
+/// this evidence.
+const BENT: f64 = 0.15;
+const CURVED: f64 = 16.0;
 /// Points of a plane around which it is compared with scattered ones.
 const SAMPLES: usize = 16;
+/// How much denser the points must lie on the plane than on its denser side: 8 times in a Gaussian
+/// layer, as dense in a filled volume, even at its faces.
+const PEAK: f64 = 1.5;
 /// Standard deviations that such a point may lie off the plane, and share of a Gaussian within.
 const BAND: f64 = 1.5;
 const IN_BAND: f64 = 0.87;
@@ -78,7 +87,13 @@ impl Test<'_> {
         places.len() >= FEWEST
             && middle > FLAT * thin.max(FLOOR * FLOOR * long)
             && self.purity(label, places) >= PURITY
+            && !self.is_bent(&spread, places)
             && self.evidence(label, places, search) > EVIDENCE
+    }
+
+    fn is_bent(&self, spread: &Spread, places: &[u32]) -> bool {
+        let points = places.iter().map(|&place| &self.tree.points()[place as usize]);
+        Bend::of(points, spread).is_some_and(|bend| bend.turn > BENT && bend.evidence > CURVED)
     }
 
     fn purity(&self, label: i32, places: &[u32]) -> f64 {
@@ -100,25 +115,27 @@ impl Test<'_> {
         let spread = self.region.spread();
         let sigma = self.region.sigma(&spread);
         let (mut inside, mut all, mut chance) = (0.0, 0.0, 0.0);
+        let (mut core, mut sides) = (0.0, [0.0_f64; 2]);
         for sample in 0..SAMPLES {
             let place = places[sample * places.len() / SAMPLES] as usize;
             let far = (10.0 * sigma).max(self.graph.reach(place, points));
             let radius = far.min(2.0 * spread.variances[1].sqrt());
             let ball = self.tree.within(&points[place], radius, search);
             all += ball.len() as f64;
-            inside += ball
-                .iter()
-                .filter(|n| {
-                    self.labels[n.place as usize] == label
-                        && spread.distance(&points[n.place as usize]).abs() <= BAND * sigma
-                })
-                .count() as f64;
+            for place in ball.iter().map(|n| n.place as usize) {
+                let off = spread.distance(&points[place]) / sigma;
+                inside += f64::from(self.labels[place] == label && off.abs() <= BAND);
+                core += f64::from(off.abs() <= 1.0);
+                if off.abs() > BAND && off.abs() <= 2.0 * BAND {
+                    sides[usize::from(off > 0.0)] += 1.0;
+                }
+            }
             let h = (BAND * sigma / radius).min(1.0);
             chance += 1.5 * h - 0.5 * h * h * h;
         }
         let p = chance / SAMPLES as f64;
         let f = inside / f64::max(all, 1.0);
-        if f <= p {
+        if f <= p || core / 2.0 <= PEAK * sides[0].max(sides[1]) / BAND {
             return f64::NEG_INFINITY;
         }
         let rest = if f < 1.0 { (1.0 - f) * ((1.0 - f) / (1.0 - p)).ln() } else { 0.0 };
