@@ -5,6 +5,8 @@ use crate::regions::Region;
 
 /// Points of a region that tells of its roughness.
 const TELLING: f64 = 60.0;
+/// Second smallest over smallest variance of such a region: layers cut from clutter are thicker.
+const THIN: f64 = 36.0;
 /// Regions that tell a law.
 const FEWEST: usize = 4;
 /// Power below which noise counts as white: chance and curved strips reach it.
@@ -29,8 +31,8 @@ impl Roughness {
             .filter(|region| region.moments.count >= TELLING)
             .filter_map(|region| {
                 let [thin, middle, _] = region.spread().variances;
-                // Nothing is told by what rounding leaves of exact planes.
-                (thin > 1e-10 * middle)
+                // Nothing is told by what rounding leaves of exact planes, nor by layers of clutter.
+                (thin > 1e-10 * middle && THIN * thin < middle)
                     .then(|| [middle.ln() / 2.0, thin.ln() / 2.0, region.moments.count.sqrt()])
             })
             .collect();
