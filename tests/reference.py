@@ -180,3 +180,41 @@ def instead_of_rust() -> Iterator[None]:
     finally:
         for name, kernel in rust.items():
             setattr(_primfit, name, kernel)
+
+
+def neighbors(points, queries, k):
+    squared = ((queries[:, None] - points) ** 2)[..., ::-1]
+    squared = squared[..., 2] + squared[..., 1] + squared[..., 0]
+    rows = np.broadcast_to(np.arange(len(points)), squared.shape)
+    order = np.lexsort((rows, squared))[:, :k]
+    return order, np.sqrt(np.take_along_axis(squared, order, axis=1))
+
+
+def local_planes(points, rows, sigma=None):
+    """Planes around some points, at the first size that is flat."""
+    sizes = (12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384)
+    planes = []
+    for row in rows:
+        nearest = points[neighbors(points, points[row : row + 1], 384)[0][0]]
+        candidates = []
+        for few, largest in ((True, 24), (False, 384)):
+            window = nearest[: 96 if few else 384]
+            candidates = []
+            for k in dict.fromkeys(min(size, len(window)) for size in sizes if size <= largest):
+                local = window[:k] - window[:k].mean(axis=0)
+                values, vectors = np.linalg.eigh(local.T @ local / k)
+                variance, least = values[0] * k / (k - 3), max(6.0, 288.0 / k)
+                if sigma is not None and variance <= 2.5 * sigma**2:
+                    variance, least = sigma**2, 6.0
+                flatness = values[1] / variance
+                distance = (window[: 4 * k] - window[:k].mean(axis=0)) @ vectors[:, 0]
+                supported = np.mean(np.abs(distance) <= 3 * np.sqrt(variance)) >= 0.4
+                flat = bool(flatness > least and values[1] > 0.06 * values[2] and supported)
+                plane = (vectors[:, 0], np.sqrt(variance), flatness, k, flat)
+                candidates.append(((flat, supported, flatness / least, -k), plane))
+                if flat:
+                    break
+            if candidates[-1][1][4]:
+                break
+        planes.append(max(candidates, key=lambda c: c[0])[1])
+    return [np.array(column) for column in zip(*planes, strict=True)]

@@ -354,7 +354,7 @@ class TestDetectPlanes:
 
     def test_arguments(self):
         cloud = np.random.default_rng(5).uniform(size=(50, 3))
-        for bad in ({"eps": -1}, {"threshold": 0}, {"min_points": 2}, {"max_trials": 0}):
+        for bad in ({"threshold": 0}, {"min_points": 2}, {"n_jobs": 0}):
             with pytest.raises(ValueError, match=next(iter(bad))):
                 primfit.detect_planes(cloud, rng=1, **bad)
         with pytest.raises(ValueError, match="method must be one of"):

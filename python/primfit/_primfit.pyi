@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "BeamBlocks",
+    "PointTree",
     "RayCaster",
     "carve",
     "dbscan",
@@ -66,6 +67,33 @@ class RayCaster:
         beams: NDArray[np.float64],
         n_jobs: int | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]: ...
+
+@final
+class PointTree:
+    def __new__(cls, points: NDArray[np.float64]) -> PointTree: ...
+    def __len__(self) -> int: ...
+    def order(self) -> NDArray[np.int64]: ...
+    def neighbors(
+        self, queries: NDArray[np.float64], k: int, n_jobs: int | None = None
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]: ...
+    def local_planes(
+        self, sigma: NDArray[np.float64] | None = None, n_jobs: int | None = None
+    ) -> tuple[
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.int64],
+        NDArray[np.bool_],
+    ]: ...
+    def segment(
+        self,
+        sigma: NDArray[np.float64],
+        size: NDArray[np.int64],
+        seeds: NDArray[np.int64],
+        n_nearest: int,
+        n_looked_at: int,
+        n_jobs: int | None = None,
+    ) -> NDArray[np.int64]: ...
 
 def carve(
     origins: NDArray[np.float64],

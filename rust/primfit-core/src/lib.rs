@@ -6,15 +6,25 @@
 mod beams;
 mod bounds;
 mod carving;
+mod curvature;
 mod dbscan;
 mod error;
 mod expansion;
 mod fit;
+mod graph;
+mod growth;
 mod instructions;
 mod likelihood;
+mod merging;
+mod neighbors;
+mod normals;
 mod rays;
+mod regions;
+mod roughness;
 mod scoring;
+mod segmentation;
 mod simd;
+mod spread;
 mod workers;
 
 pub use beams::{BeamBlocks, Beams, Prices};
@@ -24,8 +34,11 @@ pub use error::Error;
 pub use expansion::{Expansion, expand};
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
 pub use likelihood::{Candidate, prism_costs, wall_depths};
+pub use neighbors::{Neighbor, PointTree};
+pub use normals::LocalPlane;
 pub use rays::{Hit, Hits, RayCaster, Transform};
 pub use scoring::{Score, score_planes};
+pub use segmentation::segment;
 pub use workers::Workers;
 
 /// A point or a direction: x, y, z.

@@ -1,12 +1,17 @@
 //! Where parallel work runs, and how it is told to stop.
 
 use crate::Error;
+use rayon::prelude::{IndexedParallelIterator, ParallelIterator, ParallelSliceMut};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
 /// Time between two questions to the caller while the work goes on elsewhere.
 const PATIENCE: Duration = Duration::from_millis(20);
+
+/// Rows between two questions to the caller, and fewest rows of one task.
+const ROWS: usize = 1 << 15;
+const TASK: usize = 1 << 7;
 
 /// The threads of one call, and the caller's wish to go on.
 ///
@@ -81,6 +86,29 @@ impl<'a> Workers<'a> {
             }),
         }
         result
+    }
+
+    /// Fills the rows of a table, each `width` wide; `scratch` makes what a thread reuses.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn fill<T: Send, S>(
+        &self,
+        table: &mut [T],
+        width: usize,
+        scratch: impl Fn() -> S + Sync + Send,
+        work: impl Fn(&mut S, usize, &mut [T]) + Sync + Send,
+    ) -> Result<(), Error> {
+        for (start, part) in (0..).step_by(ROWS).zip(table.chunks_mut(ROWS * width)) {
+            self.check()?;
+            self.install(|| {
+                part.par_chunks_mut(width)
+                    .with_min_len(TASK)
+                    .enumerate()
+                    .for_each_init(&scratch, |scratch, (i, row)| work(scratch, start + i, row));
+            });
+        }
+        Ok(())
     }
 
     /// # Errors

@@ -11,6 +11,7 @@ mod caster;
 mod clustering;
 mod door;
 mod likelihood;
+mod neighbors;
 mod planes;
 
 use pyo3::prelude::*;
@@ -23,6 +24,8 @@ mod _primfit {
     use crate::clustering::dbscan;
     #[pymodule_export]
     use crate::likelihood::{BeamBlocks, carve};
+    #[pymodule_export]
+    use crate::neighbors::PointTree;
     #[pymodule_export]
     use crate::planes::{fit_plane, fit_plane_to_ranges, score_planes};
 }

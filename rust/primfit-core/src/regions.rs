@@ -1,0 +1,182 @@
+//! Planes as sets of labelled points: fit, competition for points, merging, components.
+
+use crate::graph::Graph;
+use crate::growth::NOBODY;
+use crate::normals::FLOOR;
+use crate::spread::{Moments, Spread};
+use crate::{Error, Vector, Workers};
+use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+
+/// Least share of a point's neighbours that a label counts with.
+const SHARE: f64 = 0.02;
+/// Standard deviations beyond which a plane does not take a point.
+const REACH: f64 = 4.0;
+
+/// A plane and the points that carry its label.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Region {
+    /// Moments of its points.
+    pub moments: Moments,
+    /// Median of the noise of its points.
+    pub local_sigma: f64,
+}
+
+impl Region {
+    /// Its plane.
+    pub fn spread(&self) -> Spread {
+        self.moments.spread()
+    }
+
+    /// Standard deviation of its points about it, not less than their noise.
+    pub fn sigma(&self, spread: &Spread) -> f64 {
+        let floor = FLOOR * spread.variances[2].sqrt();
+        spread.variances[0].sqrt().max(self.local_sigma).max(floor).max(f64::MIN_POSITIVE)
+    }
+}
+
+/// Points sorted by label.
+pub struct Members {
+    places: Vec<u32>,
+    starts: Vec<usize>,
+}
+
+impl Members {
+    /// Of labels from 0, or [`NOBODY`].
+    pub fn of(labels: &[i32]) -> Self {
+        let n = labels.iter().max().map_or(0, |&most| (most + 1) as usize);
+        let mut starts = vec![0; n + 1];
+        for &label in labels.iter().filter(|&&label| label != NOBODY) {
+            starts[label as usize + 1] += 1;
+        }
+        for k in 0..n {
+            starts[k + 1] += starts[k];
+        }
+        let mut next = starts.clone();
+        let mut places = vec![0; starts[n]];
+        for (&label, place) in labels.iter().zip(0..).filter(|(label, _)| **label != NOBODY) {
+            places[next[label as usize]] = place;
+            next[label as usize] += 1;
+        }
+        Self { places, starts }
+    }
+
+    /// Number of labels.
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Points of a label, rising.
+    pub fn get(&self, label: usize) -> &[u32] {
+        &self.places[self.starts[label]..self.starts[label + 1]]
+    }
+}
+
+/// The plane of each label.
+pub fn fit(points: &[Vector], sigma: &[f64], labels: &[i32], workers: &Workers) -> Vec<Region> {
+    let members = Members::of(labels);
+    let numbers: Vec<usize> = (0..members.len()).collect();
+    workers.install(|| {
+        numbers
+            .par_iter()
+            .map(|&label| {
+                let places = members.get(label);
+                let Some(&first) = places.first() else { return Region::default() };
+                let origin = points[first as usize];
+                let own = places.iter().map(|&place| &points[place as usize]);
+                let mut noise: Vec<f64> =
+                    places.iter().map(|&place| sigma[place as usize]).collect();
+                let (_, &mut local_sigma, _) =
+                    noise.select_nth_unstable_by(places.len() / 2, f64::total_cmp);
+                Region { moments: Moments::of(own, &origin), local_sigma }
+            })
+            .collect()
+    })
+}
+
+/// One sweep of competition: each point takes the best label among its neighbours', or none.
+///
+/// The score is the logarithm of the likelihood of its distance, plus that of the share of
+/// neighbours with the label (an auto-logistic prior); without a plane, a point may be anywhere
+/// within its neighbourhood. All points look at the old labels.
+///
+/// # Errors
+/// [`Error::Stopped`] when the caller does not want to go on.
+pub fn compete(
+    points: &[Vector],
+    graph: &Graph,
+    regions: &[Region],
+    labels: &[i32],
+    workers: &Workers,
+) -> Result<Vec<i32>, Error> {
+    let planes: Vec<(Spread, f64)> = regions
+        .iter()
+        .map(|region| {
+            let spread = region.spread();
+            (spread, region.sigma(&spread))
+        })
+        .collect();
+    let mut next = vec![NOBODY; labels.len()];
+    workers.fill(&mut next, 1, Vec::new, |counts: &mut Vec<(i32, u32)>, i, best| {
+        counts.clear();
+        let neighbors = graph.of(i);
+        for &other in neighbors {
+            let label = labels[other as usize];
+            match counts.iter_mut().find(|entry| entry.0 == label) {
+                Some(entry) => entry.1 += 1,
+                None => counts.push((label, 1)),
+            }
+        }
+        counts.sort_unstable();
+        let of_all = neighbors.len() as f64;
+        let nobody = counts.iter().find(|entry| entry.0 == NOBODY).map_or(0, |entry| entry.1);
+        let room = 2.0 * graph.reach(i, points);
+        let mut best_score = (f64::from(nobody) / of_all + SHARE).ln() - room.ln();
+        for &(label, count) in counts.iter().filter(|entry| entry.0 != NOBODY) {
+            let (spread, sigma) = &planes[label as usize];
+            let distance = spread.distance(&points[i]) / sigma;
+            let density = distance * distance / 2.0 + (sigma * std::f64::consts::TAU.sqrt()).ln();
+            let score = (f64::from(count) / of_all + SHARE).ln() - density;
+            if distance.abs() <= REACH && score > best_score {
+                best_score = score;
+                best[0] = label;
+            }
+        }
+    })?;
+    Ok(next)
+}
+
+/// The labels with each connected part its own, numbered by their first points.
+pub fn components(graph: &Graph, labels: &[i32]) -> Vec<i32> {
+    let mut parent: Vec<u32> = (0..labels.len() as u32).collect();
+    for (i, &label) in labels.iter().enumerate().filter(|(_, label)| **label != NOBODY) {
+        for &other in graph.of(i) {
+            if labels[other as usize] == label {
+                let (a, b) = (root(&mut parent, i as u32), root(&mut parent, other));
+                parent[a.max(b) as usize] = a.min(b);
+            }
+        }
+    }
+    let mut numbers = vec![NOBODY; labels.len()];
+    let mut n = 0;
+    let mut parts = vec![NOBODY; labels.len()];
+    for i in 0..labels.len() {
+        if labels[i] == NOBODY {
+            continue;
+        }
+        let first = root(&mut parent, i as u32) as usize;
+        if numbers[first] == NOBODY {
+            numbers[first] = n;
+            n += 1;
+        }
+        parts[i] = numbers[first];
+    }
+    parts
+}
+
+fn root(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
+    }
+    i
+}

@@ -1,0 +1,158 @@
+//! How points spread about their mean: moments that add, and their principal axes.
+
+use crate::Vector;
+
+/// Rounds after which a symmetric matrix counts as diagonal; six are usual.
+const MOST_ROUNDS: usize = 32;
+
+/// Number, mean and scatter of some points.
+///
+/// Two of them add without loss of digits (Chan, Golub, `LeVeque`: Updating formulae and a pairwise
+/// algorithm for computing sample variances, 1979).
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Moments {
+    /// Number of points.
+    pub count: f64,
+    /// Mean of the points.
+    pub mean: Vector,
+    /// Sums of the products xx, xy, xz, yy, yz, zz of the differences to the mean.
+    pub scatter: [f64; 6],
+}
+
+impl Moments {
+    /// Of points, in their order, with digits kept near `origin`.
+    pub fn of<'a>(points: impl Iterator<Item = &'a Vector>, origin: &Vector) -> Self {
+        let mut sums = Sums::new(*origin);
+        for point in points {
+            sums.add(point);
+        }
+        sums.moments()
+    }
+
+    /// Of the points of both.
+    pub fn joined(&self, other: &Self) -> Self {
+        let count = self.count + other.count;
+        if other.count == 0.0 || count == 0.0 {
+            return *self;
+        }
+        let apart: Vector = std::array::from_fn(|k| other.mean[k] - self.mean[k]);
+        let share = other.count / count;
+        let mean = std::array::from_fn(|k| self.mean[k] + share * apart[k]);
+        let between = products(&apart);
+        let weight = self.count * share;
+        let scatter =
+            std::array::from_fn(|k| self.scatter[k] + other.scatter[k] + weight * between[k]);
+        Self { count, mean, scatter }
+    }
+
+    /// Principal variances and axes.
+    pub fn spread(&self) -> Spread {
+        Spread::of(&self.scatter.map(|sum| sum / self.count), self.mean)
+    }
+}
+
+/// Moments about a fixed origin, to which points are added one by one.
+#[derive(Debug, Clone, Copy)]
+pub struct Sums {
+    origin: Vector,
+    count: f64,
+    sum: Vector,
+    squares: [f64; 6],
+}
+
+impl Sums {
+    /// Nothing yet; the origin should lie among the points.
+    pub fn new(origin: Vector) -> Self {
+        Self { origin, count: 0.0, sum: [0.0; 3], squares: [0.0; 6] }
+    }
+
+    /// Adds one point.
+    pub fn add(&mut self, point: &Vector) {
+        let away: Vector = std::array::from_fn(|k| point[k] - self.origin[k]);
+        let squares = products(&away);
+        self.count += 1.0;
+        self.sum = std::array::from_fn(|k| self.sum[k] + away[k]);
+        self.squares = std::array::from_fn(|k| self.squares[k] + squares[k]);
+    }
+
+    /// Their moments.
+    pub fn moments(&self) -> Moments {
+        if self.count == 0.0 {
+            return Moments::default();
+        }
+        let mean = self.sum.map(|sum| sum / self.count);
+        let between = products(&mean);
+        Moments {
+            count: self.count,
+            mean: std::array::from_fn(|k| self.origin[k] + mean[k]),
+            scatter: std::array::from_fn(|k| self.squares[k] - self.count * between[k]),
+        }
+    }
+}
+
+/// Principal variances of points, rising, and the axis of the smallest.
+#[derive(Debug, Clone, Copy)]
+pub struct Spread {
+    /// Mean of the points.
+    pub mean: Vector,
+    /// Variances, rising, never negative.
+    pub variances: Vector,
+    /// Unit axis of the smallest variance.
+    pub normal: Vector,
+}
+
+impl Spread {
+    /// By Jacobi's rotations, which use nothing but arithmetic and square roots: the same bits on
+    /// every machine.
+    pub fn of(covariance: &[f64; 6], mean: Vector) -> Self {
+        let [xx, xy, xz, yy, yz, zz] = *covariance;
+        let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+        let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        for _ in 0..MOST_ROUNDS {
+            let off = a[0][1] * a[0][1] + a[0][2] * a[0][2] + a[1][2] * a[1][2];
+            let on = a[0][0] * a[0][0] + a[1][1] * a[1][1] + a[2][2] * a[2][2];
+            if off <= 1e-34 * on || !off.is_finite() {
+                break;
+            }
+            for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+                rotate(&mut a, &mut axes, p, q);
+            }
+        }
+        let mut order = [0, 1, 2];
+        order.sort_by(|&i, &j| a[i][i].total_cmp(&a[j][j]));
+        let normal = std::array::from_fn(|k| axes[k][order[0]]);
+        Self { mean, variances: order.map(|i| a[i][i].max(0.0)), normal }
+    }
+
+    /// Signed distance of a point to the plane of the two larger axes.
+    pub fn distance(&self, point: &Vector) -> f64 {
+        let away = |k: usize| self.normal[k] * (point[k] - self.mean[k]);
+        away(0) + away(1) + away(2)
+    }
+}
+
+/// Makes the element (p, q) zero.
+fn rotate(a: &mut [[f64; 3]; 3], axes: &mut [[f64; 3]; 3], p: usize, q: usize) {
+    if a[p][q] == 0.0 {
+        return;
+    }
+    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+    let c = 1.0 / (t * t + 1.0).sqrt();
+    let s = t * c;
+    let r = 3 - p - q;
+    let (apq, apr, aqr) = (a[p][q], a[p][r], a[q][r]);
+    a[p][p] -= t * apq;
+    a[q][q] += t * apq;
+    (a[p][q], a[q][p]) = (0.0, 0.0);
+    a[p][r] = c * apr - s * aqr;
+    a[q][r] = s * apr + c * aqr;
+    (a[r][p], a[r][q]) = (a[p][r], a[q][r]);
+    for row in axes {
+        (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
+    }
+}
+
+fn products(v: &Vector) -> [f64; 6] {
+    [v[0] * v[0], v[0] * v[1], v[0] * v[2], v[1] * v[1], v[1] * v[2], v[2] * v[2]]
+}

@@ -1,0 +1,121 @@
+//! Neighbours and planes of bare clouds.
+
+use crate::arrays::{rows, same_length};
+use crate::door;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use primfit_core::LocalPlane;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+type Neighbors<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>);
+type LocalPlanes<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<bool>>,
+);
+
+/// A cloud sorted for questions of nearness.
+#[pyclass(frozen, module = "primfit._primfit")]
+pub struct PointTree(primfit_core::PointTree);
+
+#[pymethods]
+impl PointTree {
+    #[new]
+    fn new(py: Python, points: PyReadonlyArray2<f64>) -> PyResult<Self> {
+        let points = rows("points", &points)?;
+        if points.len() > i32::MAX as usize {
+            return Err(PyValueError::new_err("points must be fewer than 2 ** 31"));
+        }
+        Ok(Self(py.detach(|| primfit_core::PointTree::new(points))))
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.points().len()
+    }
+
+    /// The row of each point as it was given, in the order of the tree.
+    fn order<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        let rows: Vec<i64> = self.0.rows().iter().map(|&row| i64::from(row)).collect();
+        rows.into_pyarray(py)
+    }
+
+    #[pyo3(signature = (queries, k, n_jobs=None))]
+    fn neighbors<'py>(
+        &self,
+        py: Python<'py>,
+        queries: PyReadonlyArray2<f64>,
+        k: usize,
+        n_jobs: Option<usize>,
+    ) -> PyResult<Neighbors<'py>> {
+        let queries = rows("queries", &queries)?;
+        let (found, distances): (Vec<i64>, Vec<f64>) = door::enter(py, n_jobs, |workers| {
+            let found = self.0.neighbors(queries, k, workers)?;
+            Ok(found.iter().map(|n| (i64::from(n.row), n.squared.sqrt())).unzip())
+        })?;
+        let shape = [queries.len(), k.min(self.0.points().len())];
+        Ok((found.into_pyarray(py).reshape(shape)?, distances.into_pyarray(py).reshape(shape)?))
+    }
+
+    /// Normal, noise, flatness and size of the plane around each point, and whether it is flat, in
+    /// the order of the tree.
+    #[pyo3(signature = (sigma=None, n_jobs=None))]
+    fn local_planes<'py>(
+        &self,
+        py: Python<'py>,
+        sigma: Option<PyReadonlyArray1<f64>>,
+        n_jobs: Option<usize>,
+    ) -> PyResult<LocalPlanes<'py>> {
+        let sigma = sigma.as_ref().map(|sigma| sigma.as_slice()).transpose()?;
+        if let Some(sigma) = sigma {
+            same_length("sigma", sigma.len(), "points", self.0.points().len())?;
+        }
+        let planes = door::enter(py, n_jobs, |workers| self.0.local_planes(sigma, workers))?;
+        let normals: Vec<f64> = planes.iter().flat_map(|plane| plane.normal).collect();
+        let column = |value: fn(&LocalPlane) -> f64| -> Bound<'py, PyArray1<f64>> {
+            planes.iter().map(value).collect::<Vec<f64>>().into_pyarray(py)
+        };
+        let sizes: Vec<i64> = planes.iter().map(|plane| i64::from(plane.size)).collect();
+        let is_flat: Vec<bool> = planes.iter().map(|plane| plane.is_flat).collect();
+        Ok((
+            normals.into_pyarray(py).reshape([planes.len(), 3])?,
+            column(|plane| plane.sigma),
+            column(|plane| plane.flatness),
+            sizes.into_pyarray(py),
+            is_flat.into_pyarray(py),
+        ))
+    }
+
+    /// The plane of each point in the order of the tree, -1 for none.
+    #[pyo3(signature = (sigma, size, seeds, n_nearest, n_looked_at, n_jobs=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn segment<'py>(
+        &self,
+        py: Python<'py>,
+        sigma: PyReadonlyArray1<f64>,
+        size: PyReadonlyArray1<i64>,
+        seeds: PyReadonlyArray1<i64>,
+        n_nearest: usize,
+        n_looked_at: usize,
+        n_jobs: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArray1<i64>>> {
+        let (sigma, size) = (sigma.as_slice()?, size.as_slice()?);
+        let n = self.0.points().len();
+        same_length("sigma", sigma.len(), "points", n)?;
+        same_length("size", size.len(), "points", n)?;
+        let local: Vec<LocalPlane> = sigma
+            .iter()
+            .zip(size)
+            .map(|(&sigma, &size)| LocalPlane { sigma, size: size as u32, ..LocalPlane::default() })
+            .collect();
+        let seeds: Vec<u32> = seeds.as_slice()?.iter().map(|&seed| seed as u32).collect();
+        if seeds.iter().any(|&seed| seed as usize >= n) {
+            return Err(PyValueError::new_err("seeds must be places within the tree"));
+        }
+        let labels = door::enter(py, n_jobs, |workers| {
+            primfit_core::segment(&self.0, &local, &seeds, n_nearest, n_looked_at, workers)
+        })?;
+        Ok(labels.into_iter().map(i64::from).collect::<Vec<i64>>().into_pyarray(py))
+    }
+}

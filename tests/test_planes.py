@@ -1,0 +1,237 @@
+"""Planes of bare clouds of any kind and scale, nothing told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+import primfit
+from primfit.planes import axes_of
+
+
+def cube(n=1500, sigma=0.003, seed=1):
+    rng = np.random.default_rng(seed)
+    uv = rng.uniform(size=(6, n, 2))
+    faces = [np.insert(uv[k], k // 2, float(k % 2), axis=1) for k in range(6)]
+    return np.concatenate(faces) + sigma * rng.normal(size=(6 * n, 3))
+
+
+def iou(labels, truth):
+    """Of each true plane with the found one that covers it best."""
+    best = []
+    for t in range(truth.max() + 1):
+        own = truth == t
+        found = np.unique(labels[own & (labels >= 0)])
+        best.append(
+            max(((labels == k) & own).sum() / ((labels == k) | own).sum() for k in [*found, -2])
+        )
+    return np.array(best)
+
+
+class TestClouds:
+    def test_cube(self):
+        planes = primfit.detect_planes(cube())
+        assert len(planes) == 6
+        assert iou(planes.labels, np.repeat(np.arange(6), 1500)).min() > 0.95
+        np.testing.assert_allclose(planes.thresholds, 0.012, rtol=0.15)
+        np.testing.assert_allclose([plane.area for plane in planes], 1.0, rtol=0.08)
+        for plane in planes:
+            middle = np.where(np.abs(plane.equation[:3]) > 0.9, np.round(plane.centroid), 0.5)
+            np.testing.assert_allclose(plane.centroid, middle, atol=0.02)
+
+    def test_perfect_cube(self):
+        side = np.linspace(0, 1, 21)
+        grid = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
+        shell = grid[(np.abs(grid - 0.5) == 0.5).any(axis=1)]
+        planes = primfit.detect_planes(shell)
+        assert len(planes) == 6
+        assert max(plane.rms for plane in planes) < 1e-9
+
+    @pytest.mark.parametrize(
+        "points",
+        [
+            np.ones((1000, 3)),
+            np.outer(np.linspace(0, 1, 1000), [1, 2, 3]),
+            np.outer(np.linspace(0, 1, 1000), [1, 2, 3]) + 1e5,
+            np.tile(np.eye(3), (50, 1)),
+            np.random.default_rng(1).normal(size=(3000, 3)),
+            np.random.default_rng(1).uniform(size=(3000, 3)),
+        ],
+        ids=["equal", "line", "far line", "three", "normal", "uniform"],
+    )
+    def test_no_plane(self, points):
+        planes = primfit.detect_planes(points)
+        assert len(planes) == 0
+        assert (planes.labels == -1).all()
+        assert planes.equations.shape == (0, 4)
+
+    def test_copies_count_once_and_share_the_label(self):
+        cloud = cube(400)
+        twice = np.repeat(cloud, 2, axis=0)
+        once, both = primfit.detect_planes(cloud), primfit.detect_planes(twice)
+        np.testing.assert_array_equal(both.labels, np.repeat(once.labels, 2))
+
+    def test_curved_surfaces_stay_without_a_plane(self):
+        rng = np.random.default_rng(2)
+        n = 8000
+        turn, up = 2 * np.pi * rng.uniform(size=n), rng.uniform(size=n)
+        cylinder = np.column_stack([0.3 * np.cos(turn), 0.3 * np.sin(turn), up])
+        sphere = rng.normal(size=(n, 3))
+        sphere *= 0.4 / np.linalg.norm(sphere, axis=1, keepdims=True)
+        cylinder += (1, 1, 0.2)
+        sphere += (-1, -1, 0.7)
+        floor = np.column_stack([rng.uniform(-2, 2, (n, 2)), np.zeros(n)])
+        cloud = np.concatenate([floor, cylinder, sphere])
+        planes = primfit.detect_planes(cloud + 0.005 * rng.normal(size=cloud.shape))
+        truth = np.repeat([0, 1, 2], n)
+        assert iou(planes.labels, np.where(truth == 0, 0, -1)).min() > 0.98
+        assert (planes.labels[truth > 0] >= 0).mean() < 0.1
+
+    def test_a_step_of_five_sigma_is_two_planes(self):
+        rng = np.random.default_rng(3)
+        xy = rng.uniform(size=(6000, 2))
+        z = np.where(xy[:, 0] < 0.5, 0.0, 0.025) + 0.005 * rng.normal(size=6000)
+        planes = primfit.detect_planes(np.column_stack([xy, z]))
+        assert iou(planes.labels, (xy[:, 0] > 0.5).astype(int)).min() > 0.9
+
+
+class TestInvariance:
+    @pytest.mark.parametrize(
+        ("scale", "shift"), [(0.01, 0.0), (100.0, 0.0), (1.0, 5e6), (100.0, 5e6)]
+    )
+    def test_scale_and_place(self, scale, shift):
+        cloud = cube(600)
+        here = primfit.detect_planes(cloud)
+        there = primfit.detect_planes(cloud * scale + shift)
+        assert (here.labels == there.labels).mean() > 0.999
+        np.testing.assert_allclose(
+            [plane.area for plane in there],
+            [plane.area * scale**2 for plane in here],
+            rtol=1e-3,
+        )
+
+    def test_threads(self):
+        cloud = cube()
+        one = primfit.detect_planes(cloud, n_jobs=1)
+        for n_jobs in (2, 8):
+            many = primfit.detect_planes(cloud, n_jobs=n_jobs)
+            np.testing.assert_array_equal(many.labels, one.labels)
+            np.testing.assert_array_equal(many.equations, one.equations)
+
+
+class TestArguments:
+    def test_threshold_and_sigma(self):
+        cloud = cube()
+        told = primfit.detect_planes(cloud, threshold=0.006)
+        assert (told.thresholds == 0.006).all()
+        for plane in told:
+            distance = cloud[plane.inliers] @ plane.equation[:3] + plane.equation[3]
+            assert np.abs(distance).max() <= 0.006
+        assert len(primfit.detect_planes(cloud, sigma=0.003)) == 6
+        assert primfit.detect_planes(cloud, sigma=0.003).sigma == 0.003
+
+    def test_least_points(self):
+        cloud = np.concatenate([cube(), 0.2 * cube(60) + 5])
+        assert len(primfit.detect_planes(cloud, min_points=500)) == 6
+        assert len(primfit.detect_planes(cloud)) > 6
+
+    def test_orientation_keeps_what_lies_on_wanted_planes(self):
+        cloud = cube()
+        upright = primfit.detect_planes(cloud, orientation="vertical")
+        level = primfit.detect_planes(cloud, orientation=(0, 0, 1))
+        assert (len(upright), len(level)) == (4, 2)
+        np.testing.assert_allclose(upright.equations[:, 2], 0.0, atol=1e-12)
+        np.testing.assert_allclose(level.equations[:, 2], 1.0, atol=1e-12)
+
+    def test_origins_turn_normals_and_give_ranges(self):
+        world = primfit.World(
+            [primfit.Prism.rectangle(0.4, 0.3, center=(1, 1))], primfit.Arena((2, 2))
+        )
+        lidar = primfit.Lidar(noise=0.003, horizontal_resolution=200, number_of_layers=16)
+        scan = primfit.scan(world, [(0.4, 0.4, 0.8), (1.6, 1.6, -2.3)], lidar=lidar, rng=1)
+        planes = primfit.detect_planes(scan)
+        rows = np.flatnonzero(scan.is_return)
+        again = primfit.detect_planes(scan.points[rows], scan.origins[rows], scan.sigma)
+        np.testing.assert_array_equal(planes.labels[rows], again.labels)
+        assert len(planes) >= 5
+        for plane in planes:
+            towards = (scan.directions[plane.inliers] @ plane.equation[:3] < 0).mean()
+            assert towards > 0.97
+            assert np.isfinite(plane.covariance).all()
+
+
+class TestOutlines:
+    def test_a_hole_and_a_concave_side(self):
+        rng = np.random.default_rng(4)
+        xy = rng.uniform(size=(20_000, 2)) * 4
+        window = (np.abs(xy - [1, 1]) < 0.5).all(axis=1)
+        notch = (xy > 2.5).all(axis=1)
+        xy = xy[~window & ~notch]
+        cloud = np.column_stack([xy, 0.01 * rng.normal(size=len(xy)) + 2])
+        (plane,) = primfit.detect_planes(cloud)
+        assert len(plane.holes) == 1
+        assert plane.area == pytest.approx(16 - 1 - 2.25, rel=0.03)
+        ring = shapely.LinearRing(plane.boundary @ axes_of(plane.equation[:3]).T)
+        hole = shapely.LinearRing(plane.holes[0] @ axes_of(plane.equation[:3]).T)
+        assert (ring.is_ccw, hole.is_ccw) == (True, False)
+        np.testing.assert_allclose(plane.boundary[:, 2], 2.0, atol=0.01)
+        np.testing.assert_allclose(np.ptp(plane.holes[0], axis=0), [1, 1, 0], atol=0.1)
+        area = np.array([12.75, 1, 2.25])
+        expected = (16 * 2 - area[1] * 1 - area[2] * 3.25) / area[0]
+        np.testing.assert_allclose(plane.centroid, [expected, expected, 2], atol=0.02)
+
+    def test_covariance_is_honest(self):
+        z = []
+        for seed in range(60):
+            rng = np.random.default_rng(seed)
+            xy = rng.uniform(size=(400, 2))
+            cloud = np.column_stack([xy, 0.01 * rng.normal(size=400)])
+            plane = primfit.detect_planes(cloud, min_points=200)[0]
+            spread = np.sqrt(np.diag(plane.covariance))
+            z += [plane.equation[0] / spread[0], plane.equation[1] / spread[1]]
+        assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.25
+
+
+class TestRecorded:
+    def test_roofs(self, data):
+        scores = []
+        for name in ("Pyramid_roof_1054136", "Two-sided_hip_roof_17234", "building3d_22523"):
+            if name.startswith("building"):
+                table = np.loadtxt(data / f"roofs/{name}.txt")
+                cloud, truth = table[:, :3], table[:, 3].astype(int)
+            else:
+                cloud = np.loadtxt(data / f"roofs/{name}.pts")[:, :3]
+                truth = np.loadtxt(data / f"roofs/{name}.seg", dtype=int) - 1
+                truth[truth == 4] = -1
+            planes = primfit.detect_planes(cloud)
+            right = (iou(planes.labels, truth) >= 0.75).sum()
+            scores.append(2 * right / (truth.max() + 1 + len(planes)))
+        assert np.mean(scores) >= 0.95
+
+    def test_board_in_every_pose(self, data):
+        sizes, poses = [], (3, 16, 38)
+        for pose in poses:
+            cloud = primfit.read_points(data / f"vlp16_board/pose{pose}_full.pcd")
+            board = {
+                tuple(p)
+                for p in primfit.read_points(data / f"vlp16_board/pose{pose}_target.pcd").tolist()
+            }
+            truth = np.array([0 if tuple(p) in board else -1 for p in cloud.tolist()])
+            planes = primfit.detect_planes(cloud, origins=(0, 0, 0))
+            assert iou(planes.labels, truth)[0] >= 0.95
+            plane = planes[np.bincount(planes.labels[(truth == 0) & (planes.labels >= 0)]).argmax()]
+            flat = (plane.boundary - plane.centroid) @ axes_of(plane.equation[:3]).T
+            corners = shapely.get_coordinates(
+                shapely.minimum_rotated_rectangle(shapely.Polygon(flat))
+            )
+            sizes.append(np.sort(np.linalg.norm(np.diff(corners[:3], axis=0), axis=1)))
+            assert plane.equation[:3] @ plane.centroid < 0
+        np.testing.assert_allclose(np.median(sizes, axis=0), [0.610, 0.850], rtol=0.03)
+
+    @pytest.mark.parametrize(("scale", "shift"), [(0.01, 0.0), (100.0, 0.0), (1.0, 5e6)])
+    def test_board_scaled_and_moved(self, data, scale, shift):
+        cloud = primfit.read_points(data / "vlp16_board/pose3_full.pcd")
+        here = primfit.detect_planes(cloud).labels
+        there = primfit.detect_planes(cloud * scale + shift).labels
+        assert (here == there).mean() > 0.9
