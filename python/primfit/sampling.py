@@ -13,7 +13,7 @@ from primfit._check import Floats
 _LEAST_SIZE = 0.3
 """Effective share of the draws of some generations by which the next one is adapted."""
 
-_MEMORY = 4
+_MEMORY = 6
 """Generations that are remembered."""
 
 _DEGREES = 6.0
@@ -120,8 +120,11 @@ def sample(
     if np.isfinite(costs).sum() <= 2 * len(mean):
         return Posterior(best, covariance, best, best_cost, -np.inf, 0.0)
     mean, covariance = _moments(draws, weights)
+    size = _size(weights)
+    # The spread of few draws is too small by about this much, as in Hotelling's statistic.
+    covariance *= (size + 1.0) / max(size - len(mean) - 2.0, 1.0)
     evidence = float(np.log(weights.mean()) + log_weights.max())
-    return Posterior(mean, covariance, best, best_cost, evidence, _size(weights))
+    return Posterior(mean, covariance, best, best_cost, evidence, size)
 
 
 def _root(covariance: Floats) -> Floats:
