@@ -116,7 +116,8 @@ def sample(
         if _size(weights) >= effort.wanted:
             break
         mean, around = _moments(draws, _tempered(log_weights, _LEAST_SIZE * n))
-        covariance = _GROWTH * around
+        # It shrinks by steps, lest a single draw with all the weight leave none.
+        covariance = _GROWTH * around + 1e-4 * covariance
     if np.isfinite(costs).sum() <= 2 * len(mean):
         return Posterior(best, covariance, best, best_cost, -np.inf, 0.0)
     mean, covariance = _moments(draws, weights)

@@ -51,7 +51,7 @@ class Shape(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Template:
     """A kind of footprint with one or two sizes.
 
@@ -186,7 +186,13 @@ def _star(n: int) -> Template:
     )
 
 
-RECTANGLE = _rectangle()
+SQUARE, RECTANGLE = _regular(4), _rectangle()
 
-TEMPLATES = (*(_regular(n) for n in range(3, 9)), RECTANGLE, *(_star(n) for n in (4, 5, 6)))
+TEMPLATES = (
+    _regular(3),
+    SQUARE,
+    *(_regular(n) for n in range(5, 9)),
+    RECTANGLE,
+    *(_star(n) for n in (4, 5, 6)),
+)
 """Kinds that are tried."""
