@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,8 @@ from primfit import PaperSettings, topology
 from primfit.classification import classify_by_sides
 from primfit.noise import estimate_sigma
 from primfit.ransac import Cloud, Orientation, draw_hypotheses
+
+detect = partial(primfit.detect, method="paper")
 
 SINGLES = ["triangle", "square", "rectangle", "pentagon", "star"]
 
@@ -25,7 +29,7 @@ class TestMaps:
     def test_a_map_without_noise_is_found_exactly(self, seed):
         world = primfit.random_world(rng=seed)
         scan = primfit.scan(world, primfit.grid_path(world, rng=seed), rng=seed)
-        found = primfit.detect(scan, rng=seed)
+        found = detect(scan, rng=seed)
         report = primfit.evaluate(found, world)
         assert report.all_right
         assert report.n_planes == report.n_planes_true
@@ -61,8 +65,8 @@ class TestMaps:
 
     @pytest.mark.parametrize("n_jobs", [2, 8])
     def test_bits_do_not_depend_on_threads(self, small_scan, n_jobs):
-        one = primfit.detect(small_scan, rng=1, n_jobs=1)
-        many = primfit.detect(small_scan, rng=1, n_jobs=n_jobs)
+        one = detect(small_scan, rng=1, n_jobs=1)
+        many = detect(small_scan, rng=1, n_jobs=n_jobs)
         np.testing.assert_array_equal(one.labels, many.labels)
         for a, b in zip(one.planes, many.planes, strict=True):
             np.testing.assert_array_equal(a.equation, b.equation)
@@ -78,7 +82,7 @@ class TestMaps:
             sigma=shuffled.sigma,
             max_range=shuffled.max_range,
         )
-        report = primfit.evaluate(primfit.detect(plain, rng=1), small_world)
+        report = primfit.evaluate(detect(plain, rng=1), small_world)
         assert report.all_right
         assert report.rows[0].center_error_mm < 1.0
 
@@ -87,7 +91,7 @@ class TestSingles:
     @pytest.mark.parametrize("kind", SINGLES)
     def test_exact_without_noise(self, kind):
         world, scan = single(kind, 11)
-        report = primfit.evaluate(primfit.detect(scan, rng=1), world)
+        report = primfit.evaluate(detect(scan, rng=1), world)
         assert report.all_right, str(report)
         assert report.rows[0].center_error_mm < 1e-3
         assert report.rows[0].size_error_mm < 1e-2
@@ -96,7 +100,7 @@ class TestSingles:
     @pytest.mark.parametrize("noise", [0.01, 0.025])
     def test_noise(self, kind, noise):
         world, scan = single(kind, 12, noise)
-        found = primfit.detect(scan, rng=1)
+        found = detect(scan, rng=1)
         report = primfit.evaluate(found, world)
         assert report.all_right, str(report)
         assert report.rows[0].center_error_mm < 100 * noise
@@ -105,7 +109,7 @@ class TestSingles:
     @pytest.mark.parametrize("noise", [0.05, 0.06, 0.2])
     def test_too_much_noise_is_a_result_too(self, noise):
         _, scan = single("square", 13, noise)
-        found = primfit.detect(scan, rng=1)
+        found = detect(scan, rng=1)
         assert isinstance(repr(found), str)
         assert len(found.labels) == len(scan)
 
@@ -114,13 +118,13 @@ class TestSingles:
         unknown = primfit.Scan.from_rays(
             scan.origins, scan.directions, scan.ranges, max_range=scan.max_range
         )
-        found = primfit.detect(unknown, rng=1)
+        found = detect(unknown, rng=1)
         assert found.sigma == pytest.approx(0.01, rel=0.25)
         assert primfit.evaluate(found, world).all_right
 
     def test_a_bare_cloud(self):
         world, scan = single("pentagon", 15)
-        found = primfit.detect(scan.points[scan.is_return], rng=1)
+        found = detect(scan.points[scan.is_return], rng=1)
         report = primfit.evaluate(found, world)
         assert report.all_right
         assert report.rows[0].center_error_mm < 1e-3
@@ -130,7 +134,7 @@ class TestSingles:
         solid = primfit.Prism.regular(4, 0.3, center=(0.2, 0.1), angle=0.4)
         world = primfit.World([solid])
         path = primfit.grid_path(world, 0.2, rng=1)
-        found = primfit.detect(primfit.scan(world, path, rng=1), rng=1)
+        found = detect(primfit.scan(world, path, rng=1), rng=1)
         assert found.arena is None
         assert primfit.evaluate(found, world).all_right
 
@@ -140,13 +144,13 @@ class TestSingles:
         world = primfit.random_world(1, 1.0, ["square"], rng=16)
         path = primfit.grid_path(world, 0.125, rng=16)
         scan = primfit.scan(world, path, primfit.Lidar(horizontal_resolution=columns), rng=16)
-        assert primfit.evaluate(primfit.detect(scan, rng=1), world).all_right
+        assert primfit.evaluate(detect(scan, rng=1), world).all_right
 
     def test_concave_footprints(self):
         ell = [(0.3, 0.3), (0.7, 0.3), (0.7, 0.45), (0.5, 0.45), (0.5, 0.7), (0.3, 0.7)]
         world = primfit.World([primfit.Prism(ell)], primfit.Arena((1, 1)))
         scan = primfit.scan(world, primfit.grid_path(world, 0.125, rng=1), rng=1)
-        found = primfit.detect(scan, rng=1)
+        found = detect(scan, rng=1)
         report = primfit.evaluate(found, world)
         assert report.all_right
         np.testing.assert_allclose(
@@ -158,22 +162,22 @@ class TestSingles:
 class TestLiteral:
     def test_the_papers_rules_find_a_noise_free_square(self):
         world, scan = single("square", 21)
-        found = primfit.detect(scan, rng=1, settings=PaperSettings.literal())
+        found = detect(scan, rng=1, settings=PaperSettings.literal())
         report = primfit.evaluate(found, world)
         assert report.n_right == 1
         assert report.rows[0].center_error_mm < 2.0
 
     def test_the_star_has_ten_vertices_and_no_name(self):
         _, scan = single("star", 22)
-        found = primfit.detect(scan, rng=1, settings=PaperSettings.literal())
+        found = detect(scan, rng=1, settings=PaperSettings.literal())
         assert [(solid.kind, len(solid.footprint)) for solid in found.solids] == [("polygon", 10)]
 
     def test_sixteen_planes_for_eight(self):
         """A threshold of one sigma peels each wall more than once."""
         _, scan = single("square", 23, 0.01)
-        literal = primfit.detect(scan, rng=1, settings=PaperSettings.literal(threshold=0.01))
+        literal = detect(scan, rng=1, settings=PaperSettings.literal(threshold=0.01))
         assert len(literal.planes) > 12
-        assert len(primfit.detect(scan, rng=1).planes) == 8
+        assert len(detect(scan, rng=1).planes) == 8
 
     @pytest.mark.parametrize(
         "change",
@@ -192,11 +196,11 @@ class TestLiteral:
     )
     def test_each_repair_can_be_taken_back_alone(self, change):
         world, scan = single("square", 24)
-        found = primfit.detect(scan, rng=1, settings=PaperSettings(**change))
+        found = detect(scan, rng=1, settings=PaperSettings(**change))
         assert primfit.evaluate(found, world).n_right == 1
 
     def test_settings_are_reported_and_checked(self, small_scan):
-        found = primfit.detect(small_scan, rng=1)
+        found = detect(small_scan, rng=1)
         assert found.settings["threshold"] == pytest.approx(0.015)
         assert {"eps", "close", "min_points", "max_trials"} <= set(found.settings)
         with pytest.raises(ValueError, match="threshold must be greater than 0"):
@@ -269,7 +273,7 @@ class TestUncertainty:
         z = []
         for seed in range(12):
             world, scan = single("square", 300 + seed, 0.01)
-            found = primfit.detect(scan, rng=1)
+            found = detect(scan, rng=1)
             row = primfit.evaluate(found, world).rows[0]
             assert row.found == "square"
             solid = found.solids[0]
@@ -335,14 +339,14 @@ class TestDetectPlanes:
         with pytest.raises(ValueError, match=message):
             primfit.detect_planes(points)
         with pytest.raises(ValueError, match=message):
-            primfit.detect(points)
+            detect(points)
 
     @pytest.mark.parametrize(
         "points", [np.ones((50, 3)), np.outer(np.linspace(0, 1, 50), [1, 2, 3]), np.eye(3)]
     )
     def test_degenerate_clouds_give_no_plane(self, points):
         assert len(primfit.detect_planes(points, rng=1)) == 0
-        assert primfit.detect(points, rng=1).solids == ()
+        assert detect(points, rng=1).solids == ()
 
     def test_one_perfect_plane(self):
         xy = np.random.default_rng(4).uniform(size=(400, 2))
@@ -366,12 +370,12 @@ class TestDetectPlanes:
             with pytest.raises(ValueError, match="sigma must be"):
                 call(small_scan, sigma=sigma, rng=1)
         with pytest.raises(ValueError, match="n_jobs must be"):
-            primfit.detect(small_scan, n_jobs=0)
+            detect(small_scan, n_jobs=0)
         with pytest.raises(TypeError, match="settings must be a PaperSettings"):
-            primfit.detect(small_scan, settings={"eps": 0.1})
+            detect(small_scan, settings={"eps": 0.1})
 
     def test_progress(self, small_scan):
         seen = []
-        primfit.detect(small_scan, rng=1, progress=lambda *done: seen.append(done))
+        detect(small_scan, rng=1, progress=lambda *done: seen.append(done))
         assert len(seen) >= 8
         assert seen[-1][0] <= seen[-1][1]

@@ -134,7 +134,7 @@ class TestExports:
 
     def test_json_of_the_papers_own_rules(self, small_scan):
         literal = primfit.PaperSettings.literal(threshold=0.01)
-        content = json.loads(primfit.detect(small_scan, rng=1, settings=literal).to_json())
+        content = json.loads(primfit.detect(small_scan, "paper", rng=1, settings=literal).to_json())
         assert content["floor"] is None
 
     def test_csv(self, found, tmp_path):

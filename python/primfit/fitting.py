@@ -221,7 +221,8 @@ def settle(
             return costs
 
         found = sample(cost, mean, covariance, rng, effort)
-        mean, covariance = found.mean, found.covariance
+        is_proper = shape.is_proper(found.mean[None])[0]
+        mean, covariance = found.mean if is_proper else found.best, found.covariance
         fit = Fit(shape, mean[:d], covariance[:d, :d], found.cost)
         away = float(np.linalg.norm(fit.footprint - local.footprint, axis=1).max())
         is_inside = away + _ROOM * fit.corner_sigma <= local.slack

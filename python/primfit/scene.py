@@ -51,7 +51,7 @@ class Noise:
     def outlier_price(self) -> float:
         """Most that a return costs: there an outlier is as likely as the noise."""
         peak = float(np.median(self.sigma)) * np.sqrt(2 * np.pi) / self.reach
-        return max(float(-np.log(max(self.outliers, _RARE) * peak)), 4.5)
+        return max(float(-np.log(max(self.outliers, _RARE) * peak)), 5.0)
 
     @property
     def missing_price(self) -> float:
@@ -311,10 +311,13 @@ class Scene:
         sigmas, which tells more where the noise is less than was said.
         """
         costs, foreseen = self.costs(rows)
-        n = max(int(foreseen.sum()), 1)
-        by_sum = float((costs.sum() - 0.5 * n) / np.sqrt(0.5 * n))
-        n_off = int((costs[foreseen] > 4.5).sum())
-        by_number = float((n_off - 0.0027 * n) / np.sqrt(0.0027 * n + 1.0))
+        n, noise = max(int(foreseen.sum()), 1), self.noise
+        # What outliers and losses cost at the shares that the scene has of them.
+        extra = noise.outliers * noise.outlier_price + noise.lost * noise.missing_price
+        spread = noise.outliers * noise.outlier_price**2 + noise.lost * noise.missing_price**2
+        by_sum = float((costs.sum() - (0.5 + extra) * n) / np.sqrt((0.5 + spread) * n))
+        n_off, usual = int((costs[foreseen] > 4.5).sum()), 0.0027 + noise.outliers
+        by_number = float((n_off - usual * n) / np.sqrt(usual * n + 1.0))
         return max(by_sum, by_number)
 
     def gain(self, i: int) -> float:
