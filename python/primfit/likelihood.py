@@ -37,6 +37,9 @@ _LAYERS = ((0.3, 1.7), (0.1, 0.4))
 """Heights between which space is carved, as multiples of the sensor's: first where most beams are,
 then low, for solids that they pass over."""
 
+_SLIVER = 0.4
+"""Size of a seed, as a multiple of the noise, below which it is a sliver that noise left."""
+
 _BLURRED = 0.5
 """Noise, as a multiple of the sensor's height, beyond which the floor hides low solids."""
 
@@ -126,7 +129,11 @@ def detect_likelihood(
             scene.noise = replace(scene.noise, lost=measure_noise(scene, False).lost)
         carving = replace(carving, lost=scene.noise.lost)
         within = carving.inside(scene.room) & ~carving.covered(seeds)
-        seeds += [seed for seed in carving.seeds(within) if seed.radius < reach / 2]
+        seeds += [
+            seed
+            for seed in carving.seeds(within)
+            if seed.area > (_SLIVER * np.median(sigmas)) ** 2 and seed.radius < reach / 2
+        ]
 
     # Bodies: the best kind for each seed, while the others stand as they are known by then.
     bodies: list[Body] = []
@@ -147,8 +154,10 @@ def detect_likelihood(
 
         # Room, floor and noise by all beams; then each body among neighbours that are known.
         surroundings = survey(scene, room, floor is not None, given is None)
-        for i in range(len(bodies)):
-            bodies[i] = compete_again(scene, i, bodies[i], rng, QUICK)
+        for i, body in enumerate(bodies):
+            # Once more from the seed: at first the neighbours were no more than that themselves.
+            body = compete(scene, i, body.seed)
+            bodies[i] = compete_again(scene, i, body, rng, QUICK)
             scene.obstacles[i] = bodies[i].obstacle
         repair(scene, bodies, carving.cell, rng)
         surroundings = survey(scene, room, floor is not None, given is None)

@@ -13,7 +13,7 @@ from primfit.fitting import find_top
 from primfit.polygons import fit_polygon
 from primfit.scene import Obstacle, Scene
 
-_MISFIT = 4.0
+_MISFIT = 3.0
 """Standard deviations by which the beams of a body may fit worse than their noise explains."""
 
 _TOUCHING = 0.02
@@ -24,7 +24,8 @@ _LEAST_CELLS = 9
 
 
 def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generator) -> None:
-    """Replace bodies, in place, by two or by a free polygon where that explains more.
+    """Replace bodies, in place, by others where these explain more: by another kind, now that the
+    neighbours are known, by the parts of the seed, by a free polygon.
 
     The alternatives compete by the Bayesian information criterion on the beams that come near.
     """
@@ -38,7 +39,7 @@ def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generat
         others = bodies[:i] + bodies[i + 1 :]
         best = [bodies[i]]
         least = _score(scene, others, best, rows)
-        for alternative in (_cut, _as_polygon):
+        for alternative in (_afresh, _cut, _as_polygon):
             option = alternative(scene, others, bodies[i], cell)
             scene.obstacles = [body.obstacle for body in others + option]
             for j in range(len(others), len(scene.obstacles)):
@@ -67,6 +68,12 @@ def _score(scene: Scene, others: list[Body], bodies: list[Body], rows: Ints) -> 
     n_parameters = sum(body.contenders[0].fit.shape.n_parameters for body in bodies)
     cost = float(scene.costs(rows)[0].sum())
     return cost + 0.5 * float(np.log(len(rows))) * n_parameters
+
+
+def _afresh(scene: Scene, others: list[Body], body: Body, _: float) -> list[Body]:
+    """The best kind for the body's seed, among neighbours that were seeds when it was found."""
+    scene.obstacles = [each.obstacle for each in [*others, body]]
+    return [compete(scene, len(others), body.seed)]
 
 
 def _as_polygon(scene: Scene, others: list[Body], body: Body, _: float) -> list[Body]:
