@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import primfit
-from primfit import reproduction
+from primfit import plotting, reproduction
 
 
 def primfit_command(*words, cwd):
@@ -108,7 +108,7 @@ def test_mistakes_are_explained_in_a_line(words, message, tmp_path):
 
 
 @pytest.mark.parametrize("number", range(len(reproduction.TABLES)))
-def test_every_table_of_the_paper(number):
+def test_every_table_of_the_paper(number, tmp_path):
     title, cases = reproduction.TABLES[number]
     table = reproduction.reproduce(1, rng=1, paper=number < 2, tables=[number])[0]
     assert table.title == title
@@ -120,6 +120,8 @@ def test_every_table_of_the_paper(number):
         if case.noise == 0 and case.columns >= 16:
             assert outcomes["ours"].n_right == outcomes["ours"].n_solids
     json.dumps(table.to_dict())
+    plotting.save_against_noise(tmp_path / "noise.png", table)
+    assert (tmp_path / "noise.png").stat().st_size > 10_000
 
 
 def test_reproduction_does_not_depend_on_where_it_runs():

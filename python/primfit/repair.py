@@ -24,10 +24,10 @@ _LEAST_CELLS = 9
 
 
 def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generator) -> None:
-    """Replace bodies, in place, by others where these explain more: by another kind, now that the
-    neighbours are known, by the parts of the seed, by a free polygon.
+    """Replace bodies, in place, by others where these explain more.
 
-    The alternatives compete by the Bayesian information criterion on the beams that come near.
+    Another kind, now that the neighbours are known, the parts of the seed, and a free polygon
+    compete by the Bayesian information criterion on the beams that come near.
     """
     queue = list(range(len(bodies)))
     while queue:
