@@ -335,9 +335,10 @@ def detect(
         The raw scan, floor returns included, or a bare cloud.
     method : str or None
         "likelihood": solids that explain all ranges, returned or not, which stands noise as large
-        as the solids (see `detect_likelihood`); it asks where the beams began.
+        as the solids (see `detect_likelihood`); it asks where the beams began, and should know how
+        far the sensor sees.
         "paper": RANSAC, DBSCAN, intersections and cycles, with repairs (see `detect_paper`).
-        None is "likelihood" for a scan with origins, and "paper" for a bare cloud.
+        None is "likelihood" for a scan with origins and `max_range`, else "paper".
     rng : None, int or numpy.random.Generator
         Same `rng`, same result, at any number of threads.
     **options
@@ -366,7 +367,8 @@ def detect(
     methods = {"paper": detect_paper, "likelihood": detect_likelihood}
     recorded = scan if isinstance(scan, Scan) else Scan.from_points(scan)
     if method is None:
-        method = "likelihood" if recorded.has_origins else "paper"
+        passed_is_known = recorded.has_origins and recorded.max_range is not None
+        method = "likelihood" if passed_is_known else "paper"
     run = methods[choice("method", method, list(methods))]
     offset = recorded.far_offset
     return run(recorded.moved(-offset), rng, **options).moved(offset, recorded)
