@@ -12,7 +12,7 @@ from primfit.fitting import Fit, Top, approach, climb, find_top, settle
 from primfit.footprints import signed_area
 from primfit.sampling import Effort
 from primfit.scene import Beams, Obstacle, Scene
-from primfit.templates import RECTANGLE, SQUARE, TEMPLATES, Shape, Template
+from primfit.templates import TEMPLATES, Template
 
 _ROUGH = 8
 """One beam in so many is enough to tell kinds roughly apart."""
@@ -25,9 +25,6 @@ _SHARES = (0.75, 0.95)
 
 _SHORTLIST = 5
 """Kinds that are sampled after a first fit."""
-
-_NEARLY = 1.05
-"""Ratio of its sides up to which a rectangle may be a square."""
 
 _RIVALS = 15.0
 """Log-evidence that a kind may lack against the best to stay in the competition."""
@@ -192,17 +189,6 @@ def compete_again(scene: Scene, i: int, body: Body, rng: np.random.Generator, ho
     contenders.sort(key=lambda each: -each.evidence)
     best = contenders[0].evidence
     return Body(tuple(each for each in contenders if each.evidence > best - _RIVALS), body.seed)
-
-
-def _with_square(starts: list[tuple[Shape, Floats]]) -> list[tuple[Shape, Floats]]:
-    """Starts, and a square for a rectangle that is nearly one, lest a poor draw has lost it."""
-    shapes = [shape for shape, _ in starts]
-    if RECTANGLE not in shapes or SQUARE in shapes:
-        return starts
-    x, y, angle, long, short = starts[shapes.index(RECTANGLE)][1]
-    if long > _NEARLY * short:
-        return starts
-    return [*starts, (SQUARE, np.array([x, y, angle, (long + short) / 2]))]
 
 
 def _widened(beams: Beams, fit: Fit, top: Top) -> tuple[Fit, Top]:

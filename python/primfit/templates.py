@@ -186,13 +186,7 @@ def _star(n: int) -> Template:
     )
 
 
-SQUARE, RECTANGLE = _regular(4), _rectangle()
+RECTANGLE = _rectangle()
 
-TEMPLATES = (
-    _regular(3),
-    SQUARE,
-    *(_regular(n) for n in range(5, 9)),
-    RECTANGLE,
-    *(_star(n) for n in (4, 5, 6)),
-)
+TEMPLATES = (*(_regular(n) for n in range(3, 9)), RECTANGLE, *(_star(n) for n in (4, 5, 6)))
 """Kinds that are tried."""
