@@ -53,29 +53,35 @@ def test_costs_are_those_of_the_ray_caster(height):
     footprints = np.stack([star.footprint, star.footprint[::-1]])
     for n_jobs in (1, 2):
         got = beams.costs(footprints, np.zeros(2), np.full(2, height), n_jobs)
-        np.testing.assert_allclose(got, cost.sum(), rtol=1e-9)
+        np.testing.assert_allclose(got, cost.sum(), rtol=1e-7)
     smooth, _, _, rows = beams.expand(star.footprint, 0.0, height)
     assert not len(rows)
-    assert smooth == pytest.approx(cost.sum(), rel=1e-9)
+    assert smooth == pytest.approx(cost.sum(), rel=1e-7)
     tall = primfit.World([replace(star, height=5.0)])
     depths, ids = primfit.RayCaster(tall).cast(scan.origins, scan.directions)
     walls = ids == 0
-    np.testing.assert_allclose(beams.wall_depths(star.footprint)[walls], depths[walls], atol=1e-9)
+    np.testing.assert_allclose(beams.wall_depths(star.footprint)[walls], depths[walls], atol=1e-6)
 
 
 def test_the_expansion_has_the_slopes_of_the_cost():
-    solid = primfit.Prism.regular(5, 0.2, center=(0.5, 0.5), angle=0.2)
+    solid = primfit.Prism.regular(5, 0.2, center=(0.5, 0.5), angle=0.2, height=0.2)
     _, beams = scene_of(solid, 0.05)
-    step = 1e-6
     local = beams.around(solid.footprint, 0.2, 1e-4, 0.0)
-    inner = beams.around(solid.footprint, 0.2, 1e-4, 0.0).open_beams
+    origins, directions, ranges, background, sigma = beams.arrays
+    is_open = np.isin(ranges, local.open_beams.arrays[2]) & np.isfinite(ranges)
+
+    def cost(footprint):
+        prism = primfit.Prism(footprint, 0.2)
+        depths, _ = primfit.RayCaster(primfit.World([prism])).cast(origins, directions)
+        costs = beams.noise.costs(ranges, np.minimum(depths, background), sigma)
+        return costs[~is_open].sum()
+
+    step = 1e-6
     for k in range(10):
         moved = np.stack([solid.footprint.copy(), solid.footprint.copy()])
         moved[0].flat[k] += step
         moved[1].flat[k] -= step
-        tops = np.full(2, 0.2)
-        smooth = beams.costs(moved, tops) - inner.costs(moved, tops)
-        slope = (smooth[0] - smooth[1]) / (2 * step)
+        slope = (cost(moved[0]) - cost(moved[1])) / (2 * step)
         assert slope == pytest.approx(local.gradient[k], rel=1e-3, abs=1.0)
 
 

@@ -24,6 +24,10 @@ _SHARPENING = 3.0
 _LEAST_GAIN = 1e-3
 """Log-likelihood that a step must promise to be worth taking."""
 
+_LEAST_TOLD = 1e-5
+"""Least information that a combination of parameters is taken to have, as a share of that of each:
+the sums over the beams are in single precision."""
+
 _MARGIN, _ROOM = 6.0, 4.5
 """Standard deviations of the corners: those that a local likelihood admits at first, and those
 that the posterior must find admitted."""
@@ -104,8 +108,17 @@ def climb(beams: Beams, shape: Shape, start: Floats, top: float, *, steps: int =
                 cost, gradient, information = better
                 continue
         damping *= 10.0
-    covariance = np.linalg.pinv(information, hermitian=True).astype(np.float64)
-    return Fit(shape, parameters, covariance, cost)
+    return Fit(shape, parameters, _inverse(information), cost)
+
+
+def _inverse(information: Floats) -> Floats:
+    """Inverse of an information matrix; wide, but finite, where the beams tell nothing."""
+    told = np.maximum(np.diag(information), 0.0)
+    scale = np.sqrt(told + 1e-12 * told.sum() + 1e-300)
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    root = vectors / np.sqrt(np.maximum(values, _LEAST_TOLD)) / scale[:, None]
+    inverse: Floats = root @ root.T
+    return inverse
 
 
 def _expand(
