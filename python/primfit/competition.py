@@ -12,7 +12,7 @@ from primfit.fitting import Fit, Top, approach, climb, find_top, settle
 from primfit.footprints import signed_area
 from primfit.sampling import Effort
 from primfit.scene import Beams, Obstacle, Scene
-from primfit.templates import TEMPLATES, Template
+from primfit.templates import TEMPLATES, Shape, Template, kin
 
 _ROUGH = 8
 """One beam in so many is enough to tell kinds roughly apart."""
@@ -24,24 +24,23 @@ _SHARES = (0.75, 0.95)
 """Areas of guesses, as shares of the seed's, which is never too small."""
 
 _SHORTLIST = 5
-"""Kinds that are sampled after a first fit."""
+"""Kinds that are fitted well after a rough fit."""
 
 _RIVALS = 15.0
 """Log-evidence that a kind may lack against the best to stay in the competition."""
 
 
-_LEVELS = ((16, 3000.0), (4, 1000.0))
-"""Levels of sampling: one beam in so many, and the log-likelihood by which a kind may be behind the
-best before."""
+_BEHIND = {16: 3000.0, 4: 1000.0, 1: 300.0}
+"""Log-likelihood by which a kind may be behind the best to be sampled with one beam in so many."""
+
+FEW_BEAMS, ALL_BEAMS = (16, 4), (1,)
+"""Levels of sampling: one beam in so many."""
 
 _WIDER = 3.0
 """By how much the variance is widened from a level to the next, which may know better."""
 
-_CLOSE = 300.0
-"""Log-likelihood by which a kind may be behind the best to be sampled with all beams."""
-
 QUICK = Effort(n=96, generations=8, wanted=40.0)
-THOROUGH = Effort(n=160, generations=14, wanted=150.0)
+THOROUGH = Effort(n=160, generations=20, wanted=300.0)
 """To sample a level, and a posterior that is reported."""
 
 
@@ -122,8 +121,11 @@ def first_guesses(
     return [best, guesses[int(np.argmin(costs))]]
 
 
-def compete(scene: Scene, i: int, seed: Seed) -> Body:
-    """All kinds on the beams around a seed, which is obstacle i of the scene."""
+def compete(scene: Scene, i: int, seed: Seed, shortlist: int = _SHORTLIST) -> Body:
+    """All kinds on the beams around a seed, which is obstacle i of the scene.
+
+    A short list of them goes beyond a rough fit.
+    """
     beams = scene.near(seed.center, 1.3 * seed.radius, without=i)
     size = float(np.sqrt(seed.area))
     top = find_top(beams, seed.outline)
@@ -134,7 +136,7 @@ def compete(scene: Scene, i: int, seed: Seed) -> Body:
         climbs = [climb(rough, template, guess, top.z, steps=5) for guess in guesses]
         fits.append(min(climbs, key=lambda fit: fit.cost))
     fits.sort(key=lambda fit: fit.cost)
-    fits = [approach(beams, fit.shape, fit.parameters, top.z, size) for fit in fits[:_SHORTLIST]]
+    fits = [approach(beams, fit.shape, fit.parameters, top.z, size) for fit in fits[:shortlist]]
     fits.sort(key=lambda fit: fit.cost)
     return as_body(fits, find_top(beams, fits[0].footprint), seed)
 
@@ -158,40 +160,65 @@ def as_body(fits: list[Fit], top: Top, seed: Seed) -> Body:
     return Body(tuple(Contender(fit, top, -fit.cost) for fit in fits), seed)
 
 
-def compete_again(scene: Scene, i: int, body: Body, rng: np.random.Generator, how: Effort) -> Body:
+def compete_again(
+    scene: Scene,
+    i: int,
+    body: Body,
+    rng: np.random.Generator,
+    levels: tuple[int, ...],
+    effort: Effort,
+) -> Body:
     """The contenders of body i again, sampled, on beams that know the neighbours better.
 
     They are sampled with few of the beams first, which know less narrowly where to go, then with
-    more; kinds that fall behind are given up. `how` says how the last level is sampled.
+    more; kinds that fall behind are given up.
     """
     center = body.footprint.mean(axis=0)
     radius = float(np.linalg.norm(body.footprint - center, axis=1).max())
     beams = scene.near(center, 1.2 * radius, without=i)
-    top = find_top(beams, body.footprint)
-    states = [
-        (climb(beams, each.fit.shape, each.fit.parameters, top.z), top) for each in body.contenders
-    ]
-    for stride, behind in _LEVELS:
+    states = [(each.fit, each.top) for each in body.contenders]
+    if not body.contenders[0].size:
+        top = find_top(beams, body.footprint)
+        fits = [climb(beams, fit.shape, fit.parameters, top.z) for fit, _ in states]
+        states = [(fit, top) for fit in with_kin(beams, fits, top.z)]
+    contenders: list[Contender] = []
+    for stride in levels:
         least = min(fit.cost for fit, _ in states)
         some = beams.some(stride)
-        states = [
-            _widened(beams, *settle(some, fit, top, rng, QUICK)[:2])
+        contenders = [
+            _settled(scene, some, fit, top, rng, effort)
             for fit, top in states
-            if fit.cost <= least + behind
+            if fit.cost <= least + _BEHIND[stride]
         ]
-    least = min(fit.cost for fit, _ in states)
-    contenders = []
-    for fit, top in states:
-        if fit.cost <= least + _CLOSE:
-            settled, top, found = settle(beams, fit, top, rng, how)
-            evidence = found.log_evidence + fit.shape.log_prior(scene.noise.reach)
-            contenders.append(Contender(settled, top, evidence, found.size))
+        states = [_widened(beams, each.fit, each.top) for each in contenders]
     contenders.sort(key=lambda each: -each.evidence)
     best = contenders[0].evidence
     return Body(tuple(each for each in contenders if each.evidence > best - _RIVALS), body.seed)
+
+
+def _settled(
+    scene: Scene, beams: Beams, fit: Fit, top: Top, rng: np.random.Generator, effort: Effort
+) -> Contender:
+    fit, top, found = settle(beams, fit, top, rng, effort)
+    evidence = found.log_evidence + fit.shape.log_prior(scene.noise.reach)
+    return Contender(fit, top, evidence, found.size)
 
 
 def _widened(beams: Beams, fit: Fit, top: Top) -> tuple[Fit, Top]:
     """A fit to some of the beams, as a place to start from with more of them."""
     cost = beams.costs(fit.footprint[None], np.array([top.z]))[0]
     return replace(fit, cost=float(cost), covariance=_WIDER * fit.covariance), top
+
+
+def with_kin(beams: Beams, fits: list[Fit], top: float) -> list[Fit]:
+    """Fits, and squares and rectangles from one another: the one is a case of the other.
+
+    Each may have climbed to a place of its own; the better of each kind stays.
+    """
+    found = list(fits)
+    for fit in fits:
+        found += [climb(beams, *start, top) for start in kin(fit.shape, fit.parameters)]
+    best: dict[Shape, Fit] = {}
+    for fit in sorted(found, key=lambda each: each.cost):
+        best.setdefault(fit.shape, fit)
+    return list(best.values())

@@ -16,7 +16,15 @@ from tqdm import tqdm
 
 from primfit._check import n_jobs_or_none
 from primfit.carving import Seed, carve
-from primfit.competition import QUICK, THOROUGH, Body, compete, compete_again
+from primfit.competition import (
+    ALL_BEAMS,
+    FEW_BEAMS,
+    QUICK,
+    THOROUGH,
+    Body,
+    compete,
+    compete_again,
+)
 from primfit.description import describe
 from primfit.detection import Detection
 from primfit.fitting import Fit
@@ -147,7 +155,7 @@ def detect_likelihood(
                 progress(n_done, n_all)
 
         for i, seed in enumerate(seeds):
-            bodies.append(compete(scene, i, seed))
+            bodies.append(compete(scene, i, seed, shortlist=1))
             scene.obstacles[i] = bodies[i].obstacle
             done(i + 1, 2 * len(seeds))
         _drop_needless(scene, bodies)
@@ -157,12 +165,12 @@ def detect_likelihood(
         for i, body in enumerate(bodies):
             # Once more from the seed: at first the neighbours were no more than that themselves.
             body = compete(scene, i, body.seed)
-            bodies[i] = compete_again(scene, i, body, rng, QUICK)
+            bodies[i] = compete_again(scene, i, body, rng, FEW_BEAMS, QUICK)
             scene.obstacles[i] = bodies[i].obstacle
         repair(scene, bodies, carving.cell, rng)
         surroundings = survey(scene, room, floor is not None, given is None)
         for i in range(len(bodies)):
-            bodies[i] = compete_again(scene, i, bodies[i], rng, THOROUGH)
+            bodies[i] = compete_again(scene, i, bodies[i], rng, ALL_BEAMS, THOROUGH)
             scene.obstacles[i] = bodies[i].obstacle
             done(len(bodies) + i + 1, 2 * len(bodies))
     _drop_needless(scene, bodies)

@@ -8,7 +8,16 @@ import numpy as np
 import shapely
 
 from primfit._check import Ints
-from primfit.competition import QUICK, Body, as_body, compete, compete_again, like_polygon
+from primfit.competition import (
+    ALL_BEAMS,
+    FEW_BEAMS,
+    QUICK,
+    Body,
+    as_body,
+    compete,
+    compete_again,
+    like_polygon,
+)
 from primfit.fitting import find_top
 from primfit.polygons import fit_polygon
 from primfit.scene import Obstacle, Scene
@@ -36,6 +45,10 @@ def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generat
         rows = scene.rows_near(seed.center, 1.3 * seed.radius)
         if scene.misfit(rows) < _MISFIT:
             continue
+        bodies[i] = compete_again(scene, i, bodies[i], rng, ALL_BEAMS, QUICK)
+        scene.obstacles[i] = bodies[i].obstacle
+        if scene.misfit(rows) < _MISFIT:
+            continue
         others = bodies[:i] + bodies[i + 1 :]
         best = [bodies[i]]
         least = _score(scene, others, best, rows)
@@ -43,7 +56,7 @@ def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generat
             option = alternative(scene, others, bodies[i], cell)
             scene.obstacles = [body.obstacle for body in others + option]
             for j in range(len(others), len(scene.obstacles)):
-                body = compete_again(scene, j, option[j - len(others)], rng, QUICK)
+                body = _sampled(scene, j, option[j - len(others)], rng)
                 option[j - len(others)] = body
                 scene.obstacles[j] = body.obstacle
             if not option or _touch(option, float(np.sqrt(seed.area))):
@@ -61,6 +74,10 @@ def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generat
             queue = [k - (k > i) for k in queue] + list(range(len(others), len(bodies)))
         else:
             queue = [k - (k > i) for k in queue]
+
+
+def _sampled(scene: Scene, i: int, body: Body, rng: np.random.Generator) -> Body:
+    return compete_again(scene, i, body, rng, FEW_BEAMS + ALL_BEAMS, QUICK)
 
 
 def _score(scene: Scene, others: list[Body], bodies: list[Body], rows: Ints) -> float:

@@ -229,11 +229,16 @@ class Scene:
         self.obstacles: list[Obstacle] = []
 
     @cached_property
-    def _ways(self) -> tuple[Floats, Floats]:
-        """Horizontal unit directions (n, 2) of the beams, and how level they are (n,)."""
-        way = self.scan.directions[:, :2]
-        level = np.maximum(np.hypot(*way.T), 1e-12)
-        return way / level[:, None], level
+    def _level_lines(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """Level lines of the beams (n,): x and y of their ways, start along and across, slope.
+
+        The slope is the way that a beam makes along its line in a metre.
+        """
+        x, y = np.ascontiguousarray(self.scan.directions[:, :2].T)
+        level = np.maximum(np.hypot(x, y), 1e-12)
+        x, y = x / level, y / level
+        start_x, start_y = self.scan.origins[:, :2].T
+        return x, y, start_x * x + start_y * y, start_x * y - start_y * x, level
 
     def background(
         self, without: int | None = None, rows: Any = slice(None), *, floor: bool = True
@@ -332,10 +337,9 @@ class Scene:
 
     def rows_near(self, center: Floats, radius: float) -> Ints:
         """Beams whose level lines come within `radius` of a place, in reach."""
-        ways, level = self._ways
-        to_center = center - self.scan.origins[:, :2]
-        along = np.einsum("ij,ij->i", to_center, ways)
-        off = np.abs(to_center[:, 0] * ways[:, 1] - to_center[:, 1] * ways[:, 0])
+        x, y, start, across, level = self._level_lines
+        along = center[0] * x + center[1] * y - start
+        off = np.abs(center[0] * y - center[1] * x - across)
         reach = self.noise.reach * level
         return np.flatnonzero((off < radius) & (along > -radius) & (along - radius < reach))
 
@@ -343,9 +347,9 @@ class Scene:
         """Beams that come within `radius` of a place before they meet another surface."""
         rows = self.rows_near(center, radius)
         background = self.background(without, rows)
-        ways, level = self._ways
-        along = np.einsum("ij,ij->i", center - self.scan.origins[rows, :2], ways[rows])
-        before = (along - radius) / level[rows] < background
+        x, y, start, _, level = (line[rows] for line in self._level_lines)
+        along = center[0] * x + center[1] * y - start
+        before = (along - radius) / level < background
         return self.beams(rows[before], background[before])
 
     def beams(self, rows: Ints, background: Floats) -> Beams:

@@ -20,6 +20,9 @@ from primfit.footprints import regular_name
 
 _ORIGIN = np.zeros(2)
 
+_NEARLY = 1.3
+"""Sides of a rectangle that is nearly a square, the one over the other, at the most."""
+
 
 class Shape(Protocol):
     """What a footprint may be."""
@@ -186,7 +189,21 @@ def _star(n: int) -> Template:
     )
 
 
-RECTANGLE = _rectangle()
+RECTANGLE, SQUARE = _rectangle(), _regular(4)
 
-TEMPLATES = (*(_regular(n) for n in range(3, 9)), RECTANGLE, *(_star(n) for n in (4, 5, 6)))
+TEMPLATES = (
+    *(SQUARE if n == 4 else _regular(n) for n in range(3, 9)),
+    RECTANGLE,
+    *(_star(n) for n in (4, 5, 6)),
+)
 """Kinds that are tried."""
+
+
+def kin(shape: Shape, parameters: Floats) -> list[tuple[Shape, Floats]]:
+    """The rectangle that is a square, and the square that a rectangle nearly is, if it is."""
+    place, sizes = parameters[:3], parameters[3:]
+    if shape is SQUARE:
+        return [(RECTANGLE, np.append(place, [sizes[0], sizes[0]]))]
+    if shape is RECTANGLE and sizes[0] < _NEARLY * sizes[1]:
+        return [(SQUARE, np.append(place, np.sqrt(sizes[0] * sizes[1])))]
+    return []
