@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 
 from primfit._check import Floats
 from primfit.carving import Seed
@@ -13,6 +14,9 @@ from primfit.footprints import signed_area
 from primfit.sampling import Effort
 from primfit.scene import Beams, Obstacle, Scene
 from primfit.templates import TEMPLATES, Shape, Template, kin
+
+_OUT = 0.1
+"""How far a solid may leave its seed, as a fraction of the seed's size and of its area."""
 
 _ROUGH = 8
 """One beam in so many is enough to tell kinds roughly apart."""
@@ -135,10 +139,22 @@ def compete(scene: Scene, i: int, seed: Seed, shortlist: int = _SHORTLIST) -> Bo
         guesses = first_guesses(rough, template, seed, top.z)
         climbs = [climb(rough, template, guess, top.z, steps=5) for guess in guesses]
         fits.append(min(climbs, key=lambda fit: fit.cost))
-    fits.sort(key=lambda fit: fit.cost)
-    fits = [approach(beams, fit.shape, fit.parameters, top.z, size) for fit in fits[:shortlist]]
-    fits.sort(key=lambda fit: fit.cost)
+    fits = _sorted_within(seed, fits)[:shortlist]
+    fits = [approach(beams, fit.shape, fit.parameters, top.z, size) for fit in fits]
+    fits = _sorted_within(seed, fits)
     return as_body(fits, find_top(beams, fits[0].footprint), seed)
+
+
+def _sorted_within(seed: Seed, fits: list[Fit]) -> list[Fit]:
+    """Fits by cost, without those that leave the seed, in which the solid is, if there are others.
+
+    Those that leave it explain what another solid should explain.
+    """
+    place = shapely.Polygon(seed.hull).buffer(_OUT * float(np.sqrt(seed.area)))
+    outlines = shapely.polygons([shapely.linearrings(fit.footprint) for fit in fits])
+    out = shapely.area(shapely.difference(shapely.make_valid(outlines), place))
+    within = [fit for fit, area in zip(fits, out, strict=True) if area < _OUT * seed.area]
+    return sorted(within or fits, key=lambda fit: fit.cost)
 
 
 def like_polygon(beams: Beams, polygon: Fit, top: float) -> list[Fit]:
@@ -193,7 +209,7 @@ def compete_again(
         states = [_widened(beams, each.fit, each.top) for each in contenders]
     contenders.sort(key=lambda each: -each.evidence)
     best = contenders[0].evidence
-    return Body(tuple(each for each in contenders if each.evidence > best - _RIVALS), body.seed)
+    return Body(tuple(each for each in contenders if each.evidence >= best - _RIVALS), body.seed)
 
 
 def _settled(

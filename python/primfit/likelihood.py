@@ -30,7 +30,7 @@ from primfit.detection import Detection
 from primfit.fitting import Fit
 from primfit.noise import estimate_range_sigma
 from primfit.planes import Progress, check_enough, cloud_of, find_floor
-from primfit.repair import repair
+from primfit.repair import MISFIT, repair
 from primfit.scans import Scan, as_sigma
 from primfit.scene import LEAST_SIGMA, Noise, Obstacle, Scene
 from primfit.surroundings import find_room, measure_noise, survey
@@ -158,7 +158,7 @@ def detect_likelihood(
             bodies.append(compete(scene, i, seed, shortlist=1))
             scene.obstacles[i] = bodies[i].obstacle
             done(i + 1, 2 * len(seeds))
-        _drop_needless(scene, bodies)
+        _drop_needless(scene, bodies, MISFIT)
 
         # Room, floor and noise by all beams; then each body among neighbours that are known.
         surroundings = survey(scene, room, floor is not None, given is None)
@@ -178,11 +178,22 @@ def detect_likelihood(
     return describe(scene, bodies, *surroundings, float(np.median(used_sigma)))
 
 
-def _drop_needless(scene: Scene, bodies: list[Body]) -> None:
-    """Take out, one by one, the body without which the scene explains the beams as well."""
-    while bodies:
-        gains = [scene.gain(i) for i in range(len(bodies))]
+def _drop_needless(scene: Scene, bodies: list[Body], misfit: float = np.inf) -> None:
+    """Take out, one by one, the body without which the scene explains the beams as well.
+
+    A body stays if the scene without it has more than a misfit: it may be wrong, but not needless.
+    """
+    doubted = list(bodies)
+    while doubted:
+        places = [next(k for k, body in enumerate(bodies) if body is each) for each in doubted]
+        gains = [scene.gain(i) for i in places]
         least = int(np.argmin(gains))
         if gains[least] > _LEAST_GAIN:
             return
-        del bodies[least], scene.obstacles[least]
+        del doubted[least]
+        i = places[least]
+        obstacle = scene.obstacles.pop(i)
+        if scene.misfit(obstacle.center, 1.3 * obstacle.radius) < misfit:
+            del bodies[i]
+        else:
+            scene.obstacles.insert(i, obstacle)

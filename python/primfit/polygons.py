@@ -16,6 +16,9 @@ from primfit.templates import FreePolygon
 _BULGE = 0.1
 """How far a new corner is tried from the middle of its edge, as a fraction of the edge."""
 
+_FLAT = 0.03
+"""How far a corner that may be none is off the line of its neighbours, as a share of the size."""
+
 _MOVES = 60
 """Most changes of the number of corners that are tried."""
 
@@ -23,11 +26,13 @@ _TOLERANCES = (0.06, 0.12)
 """By how much an outline to start from may be off, as a fraction of the size."""
 
 
-def fit_polygon(beams: Beams, outlines: list[Floats], top: float, size: float) -> Fit | None:
-    """The polygon that explains the beams best for its number of corners.
+def fit_polygons(beams: Beams, outlines: list[Floats], top: float, size: float) -> list[Fit]:
+    """The polygon that explains the beams best for its number of corners, and simpler ones.
 
     From simplified outlines, corners are dropped and inserted, each time with a fit of all of
-    them, as long as that lowers the Bayesian information criterion.
+    them to some of the beams, as long as that lowers the Bayesian information criterion. Few beams
+    may tell of a corner that is none: polygons without the flattest ones, fitted to all beams,
+    follow.
 
     Parameters
     ----------
@@ -39,8 +44,8 @@ def fit_polygon(beams: Beams, outlines: list[Floats], top: float, size: float) -
 
     Returns
     -------
-    fit : Fit or None
-        None when no outline is a polygon.
+    fits : list of Fit
+        The most corners first; none when no outline is a polygon.
     """
     some = beams.thinned(8, 0.0)
     price = 0.5 * np.log(max(len(beams), 2))
@@ -59,7 +64,7 @@ def fit_polygon(beams: Beams, outlines: list[Floats], top: float, size: float) -
         if (simple := _simplified(outline, tolerance * size)) is not None
     ]
     if not starts:
-        return None
+        return []
     best = min((fitted(start) for start in starts), key=score)
     tried, improved = 0, True
     while improved and tried < _MOVES:
@@ -73,7 +78,23 @@ def fit_polygon(beams: Beams, outlines: list[Floats], top: float, size: float) -
             if score(fit) < score(best):
                 best, improved = fit, True
                 break
-    return climb(beams, best.shape, best.parameters, top)
+    fits = [climb(beams, best.shape, best.parameters, top)]
+    while (simpler := _without_flattest(fits[-1].footprint, size)) is not None:
+        fits.append(climb(beams, FreePolygon(len(simpler)), simpler.ravel(), top))
+    # None is worth its corners that costs more than a simpler one.
+    return [
+        fit for k, fit in enumerate(fits) if all(fit.cost < each.cost for each in fits[k + 1 :])
+    ]
+
+
+def _without_flattest(footprint: Floats, size: float) -> Floats | None:
+    """A polygon without the corner nearest to the line of its neighbours; None if that is far."""
+    before, after = np.roll(footprint, 1, axis=0), np.roll(footprint, -1, axis=0)
+    along, to_corner = after - before, footprint - before
+    off = np.abs(along[:, 0] * to_corner[:, 1] - along[:, 1] * to_corner[:, 0])
+    off /= np.linalg.norm(along, axis=1)
+    k = int(np.argmin(off))
+    return np.delete(footprint, k, axis=0) if len(off) > 3 and off[k] < _FLAT * size else None
 
 
 def _changed(footprint: Floats) -> Iterator[Floats]:

@@ -19,11 +19,14 @@ from primfit.competition import (
     like_polygon,
 )
 from primfit.fitting import find_top
-from primfit.polygons import fit_polygon
+from primfit.polygons import fit_polygons
 from primfit.scene import Obstacle, Scene
 
-_MISFIT = 3.0
+MISFIT = 3.0
 """Standard deviations by which the beams of a body may fit worse than their noise explains."""
+
+_AROUND = 1.3
+"""Radius within which beams tell of a body, as a multiple of its seed's."""
 
 _TOUCHING = 0.02
 """Distance, as a fraction of the size, below which parts of a seed are one solid."""
@@ -35,20 +38,21 @@ _LEAST_CELLS = 9
 def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generator) -> None:
     """Replace bodies, in place, by others where these explain more.
 
-    Another kind, now that the neighbours are known, the parts of the seed, and a free polygon
-    compete by the Bayesian information criterion on the beams that come near.
+    First by themselves, with all beams. Then another kind, now that the neighbours are known, the
+    parts of the seed, and a free polygon compete by the Bayesian information criterion on the beams
+    that come near.
     """
+    for i, body in enumerate(bodies):
+        if _misfit(scene, body) > MISFIT:
+            bodies[i] = compete_again(scene, i, body, rng, ALL_BEAMS, QUICK)
+            scene.obstacles[i] = bodies[i].obstacle
     queue = list(range(len(bodies)))
     while queue:
         i = queue.pop(0)
         seed = bodies[i].seed
-        rows = scene.rows_near(seed.center, 1.3 * seed.radius)
-        if scene.misfit(rows) < _MISFIT:
+        if _misfit(scene, bodies[i]) <= MISFIT:
             continue
-        bodies[i] = compete_again(scene, i, bodies[i], rng, ALL_BEAMS, QUICK)
-        scene.obstacles[i] = bodies[i].obstacle
-        if scene.misfit(rows) < _MISFIT:
-            continue
+        rows = scene.rows_near(seed.center, _AROUND * seed.radius)
         others = bodies[:i] + bodies[i + 1 :]
         best = [bodies[i]]
         least = _score(scene, others, best, rows)
@@ -65,7 +69,7 @@ def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generat
             if score < least:
                 best, least = option, score
                 scene.obstacles = [body.obstacle for body in others + option]
-                if scene.misfit(rows) < _MISFIT:
+                if _misfit(scene, bodies[i]) <= MISFIT:
                     break
         bodies[:] = others + best
         scene.obstacles = [body.obstacle for body in bodies]
@@ -74,6 +78,10 @@ def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generat
             queue = [k - (k > i) for k in queue] + list(range(len(others), len(bodies)))
         else:
             queue = [k - (k > i) for k in queue]
+
+
+def _misfit(scene: Scene, body: Body) -> float:
+    return scene.misfit(body.seed.center, _AROUND * body.seed.radius)
 
 
 def _sampled(scene: Scene, i: int, body: Body, rng: np.random.Generator) -> Body:
@@ -97,14 +105,14 @@ def _as_polygon(scene: Scene, others: list[Body], body: Body, _: float) -> list[
     """The body as a free polygon."""
     scene.obstacles = [each.obstacle for each in others]
     seed = body.seed
-    beams = scene.near(seed.center, 1.3 * seed.radius, without=None)
+    beams = scene.near(seed.center, _AROUND * seed.radius, without=None)
     outlines = [seed.outline, body.footprint]
     size = float(np.sqrt(seed.area))
-    fit = fit_polygon(beams, outlines, body.top.z, size)
-    if fit is None:
+    polygons = fit_polygons(beams, outlines, body.top.z, size)
+    if not polygons:
         return []
-    fits = [fit, *like_polygon(beams, fit, body.top.z)]
-    return [as_body(fits, find_top(beams, fit.footprint), seed)]
+    fits = polygons + [fit for each in polygons for fit in like_polygon(beams, each, body.top.z)]
+    return [as_body(fits, find_top(beams, polygons[0].footprint), seed)]
 
 
 def _cut(scene: Scene, others: list[Body], body: Body, cell: float) -> list[Body]:

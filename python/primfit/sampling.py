@@ -16,6 +16,9 @@ _LEAST_SIZE = 0.3
 _MEMORY = 6
 """Generations that are remembered."""
 
+_USUAL = 6
+"""Parameters for which the usual number of draws tells a covariance."""
+
 _DEGREES = 6.0
 """Of freedom of the proposal: its tails are heavier than those of a jumping likelihood."""
 
@@ -30,7 +33,7 @@ class Effort:
     Attributes
     ----------
     n : int
-        Draws of a generation.
+        Draws of a generation, for few parameters; more of them take more.
     generations : int
         Most of them.
     wanted : float
@@ -92,7 +95,7 @@ def sample(
         Where to start.
     effort : Effort
     """
-    n = effort.n
+    n = int(effort.n * max(1.0, len(mean) / _USUAL))
     best, best_cost = mean, np.inf
     draws, costs = np.empty((0, len(mean))), np.empty(0)
     proposals: list[tuple[Floats, Floats]] = []

@@ -21,6 +21,15 @@ LEAST_SIGMA = 2e-5
 _SOME = 4
 """One beam in so many tells whether a solid is there at all."""
 
+_WAYS, _SIDES = 24, 24
+"""Bundles of beams about a solid: directions, and sides on which they come by."""
+
+_LEAST_CLEAR = 0.05
+"""Share of the beams that tell outliers and losses, if they are clear of all solids."""
+
+_FEW = 50
+"""Beams of a bundle that are few."""
+
 _RARE = 1e-5
 """Least share of outliers, and of lost returns: what is never seen may still happen."""
 
@@ -194,6 +203,17 @@ class Obstacle:
     top: float
 
     @cached_property
+    def center(self) -> Floats:
+        """Mean of the corners (2,), metres."""
+        mean: Floats = self.footprint.mean(axis=0)
+        return mean
+
+    @cached_property
+    def radius(self) -> float:
+        """Distance of the farthest corner from the centre, metres."""
+        return float(np.linalg.norm(self.footprint - self.center, axis=1).max())
+
+    @cached_property
     def _unit(self) -> tuple[Floats, Ints]:
         return Prism(self.footprint, 1.0).to_mesh()
 
@@ -309,31 +329,49 @@ class Scene:
         foreseen = np.isfinite(ranges) & (expected <= self.noise.reach)
         return self.noise.costs(ranges, expected, sigma), foreseen
 
-    def misfit(self, rows: Ints) -> float:
-        """Standard deviations by which some beams fit worse than their noise explains.
+    def misfit(self, center: Floats, radius: float) -> float:
+        """Standard deviations by which beams near a place fit worse than their noise explains.
 
-        The larger of two: by the sum of their costs, and by how many are off by more than three
-        sigmas, which tells more where the noise is less than was said.
+        The largest of: by the costs of all beams together; by the costs of those that come by in
+        about the same direction on the same side, halved since the worst of many is taken; and by
+        how many are off by more than three sigmas, which tells more where the noise is less than
+        was said.
         """
+        rows = self.rows_near(center, radius)
         costs, foreseen = self.costs(rows)
-        n, noise = max(int(foreseen.sum()), 1), self.noise
+        noise = self.noise
         # What outliers and losses cost at the shares that the scene has of them.
-        extra = noise.outliers * noise.outlier_price + noise.lost * noise.missing_price
-        spread = noise.outliers * noise.outlier_price**2 + noise.lost * noise.missing_price**2
-        by_sum = float((costs.sum() - (0.5 + extra) * n) / np.sqrt((0.5 + spread) * n))
+        mean = 0.5 + noise.outliers * noise.outlier_price + noise.lost * noise.missing_price
+        square = noise.outliers * noise.outlier_price**2 + noise.lost * noise.missing_price**2
+        n = max(int(foreseen.sum()), 1)
+        by_sum = float((costs.sum() - mean * n) / np.sqrt((0.5 + square) * n))
         n_off, usual = int((costs[foreseen] > 4.5).sum()), 0.0027 + noise.outliers
         by_number = float((n_off - usual * n) / np.sqrt(usual * n + 1.0))
-        return max(by_sum, by_number)
+
+        x, y, _, across, _ = (line[rows] for line in self._level_lines)
+        off = (center[0] * y - center[1] * x - across) / radius
+        side = np.minimum((off + 1.0) / 2.0 * _SIDES, _SIDES - 1).astype(int)
+        way = ((np.arctan2(y, x) / (2 * np.pi) + 0.5) * _WAYS).astype(int) % _WAYS
+        bundle = way * _SIDES + side
+        n_each = np.bincount(bundle, foreseen, _WAYS * _SIDES)
+        excess = np.bincount(bundle, costs, _WAYS * _SIDES) - mean * n_each
+        by_bundle = float((excess / np.sqrt((0.5 + square) * np.maximum(n_each, _FEW))).max())
+        return max(by_sum, by_number, by_bundle / 2.0)
 
     def gain(self, i: int) -> float:
         """Log-likelihood that obstacle i gains over nothing, by some of the beams that see it."""
-        footprint = self.obstacles[i].footprint
-        center = footprint.mean(axis=0)
-        radius = float(np.linalg.norm(footprint - center, axis=1).max())
-        rows = self.rows_near(center, radius)[::_SOME]
+        obstacle = self.obstacles[i]
+        rows = self.rows_near(obstacle.center, obstacle.radius)[::_SOME]
         ranges, sigma = self.scan.ranges[rows], self.noise.sigma[rows]
         nothing = self.noise.costs(ranges, self.background(i, rows), sigma).sum()
         return _SOME * (float(nothing) - float(self.costs(rows)[0].sum()))
+
+    def clear_rows(self) -> Ints:
+        """Beams that come near no obstacle; all beams, when these are few."""
+        clear = np.ones(len(self.scan), dtype=bool)
+        for obstacle in self.obstacles:
+            clear[self.rows_near(obstacle.center, 1.3 * obstacle.radius)] = False
+        return np.flatnonzero(clear if clear.mean() > _LEAST_CLEAR else np.ones_like(clear))
 
     def rows_near(self, center: Floats, radius: float) -> Ints:
         """Beams whose level lines come within `radius` of a place, in reach."""

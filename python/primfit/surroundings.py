@@ -94,10 +94,12 @@ def measure_noise(scene: Scene, measure_sigma: bool) -> Noise:
     hardly leaves.
     """
     scan, noise = scene.scan, scene.noise
-    expected = scene.background()
+    # Near a solid that is not well known yet, what is off is no outlier.
+    rows = scene.clear_rows()
+    expected = scene.background(rows=rows)
     foreseen = expected <= noise.reach
-    hits = foreseen & scan.is_return
-    residual = np.abs(scan.ranges[hits] - expected[hits])
+    hits = foreseen & scan.is_return[rows]
+    residual = np.abs(scan.ranges[rows][hits] - expected[hits])
     sigma = noise.sigma
     if measure_sigma and len(residual):
         spread = float(np.median(residual)) * 1.4826
@@ -110,5 +112,5 @@ def measure_noise(scene: Scene, measure_sigma: bool) -> Noise:
         noise,
         sigma=sigma,
         outliers=float(1.0 - within.mean()) if len(within) else 0.0,
-        lost=float((foreseen & ~scan.is_return).sum() / max(foreseen.sum(), 1)),
+        lost=float((foreseen & ~hits).sum() / max(foreseen.sum(), 1)),
     )
