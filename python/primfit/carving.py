@@ -57,6 +57,12 @@ class Seed:
     outline: Floats
     parts: tuple[Seed, ...] = ()
 
+    @classmethod
+    def of_outline(cls, outline: Floats) -> Seed:
+        """The inside of a polygon (m, 2), counter-clockwise."""
+        polygon = shapely.Polygon(outline)
+        return cls(shapely.get_coordinates(polygon.centroid)[0], float(polygon.area), outline)
+
     @property
     def hull(self) -> Floats:
         """Its convex hull (k, 2), counter-clockwise, metres."""
@@ -72,11 +78,7 @@ class Seed:
         line = shapely.LineString([self.center - short, self.center + short])
         pieces = shapely.ops.split(shapely.Polygon(self.outline), line).geoms
         return tuple(
-            Seed(
-                shapely.get_coordinates(piece.centroid)[0],
-                float(piece.area),
-                shapely.get_coordinates(shapely.orient_polygons(piece).exterior)[:-1],
-            )
+            Seed.of_outline(shapely.get_coordinates(shapely.orient_polygons(piece).exterior)[:-1])
             for piece in pieces
         )
 

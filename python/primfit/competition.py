@@ -10,7 +10,6 @@ import shapely
 from primfit._check import Floats
 from primfit.carving import Seed
 from primfit.fitting import Fit, Top, approach, climb, find_top, settle
-from primfit.footprints import signed_area
 from primfit.sampling import Effort
 from primfit.scene import Beams, Obstacle, Scene
 from primfit.templates import TEMPLATES, Shape, Template, kin
@@ -157,20 +156,6 @@ def _sorted_within(seed: Seed, fits: list[Fit]) -> list[Fit]:
     return sorted(within or fits, key=lambda fit: fit.cost)
 
 
-def like_polygon(beams: Beams, polygon: Fit, top: float) -> list[Fit]:
-    """Kinds with as many corners as a polygon, fitted from where it is."""
-    outline = polygon.footprint
-    area = abs(signed_area(outline))
-    place = Seed(outline.mean(axis=0), area, outline)
-    rough = beams.thinned(_ROUGH, 0.05 * float(np.sqrt(area)))
-    return [
-        approach(beams, template, guess, top, float(np.sqrt(area)))
-        for template in TEMPLATES
-        if template.axes.shape[1] == len(outline)
-        for guess in first_guesses(rough, template, place, top, (1.0,))
-    ]
-
-
 def as_body(fits: list[Fit], top: Top, seed: Seed) -> Body:
     """Fits that have not been sampled as a body, the best first."""
     return Body(tuple(Contender(fit, top, -fit.cost) for fit in fits), seed)
@@ -192,11 +177,15 @@ def compete_again(
     center = body.footprint.mean(axis=0)
     radius = float(np.linalg.norm(body.footprint - center, axis=1).max())
     beams = scene.near(center, 1.2 * radius, without=i)
-    states = [(each.fit, each.top) for each in body.contenders]
-    if not body.contenders[0].size:
-        top = find_top(beams, body.footprint)
-        fits = [climb(beams, fit.shape, fit.parameters, top.z) for fit, _ in states]
-        states = [(fit, top) for fit in with_kin(beams, fits, top.z)]
+    tops = {each.fit.shape: each.top for each in body.contenders if each.size}
+    top = body.top if tops else find_top(beams, body.footprint)
+    fits = [
+        replace(each.fit, cost=_cost(beams, each.fit, each.top))
+        if each.size
+        else climb(beams, each.fit.shape, each.fit.parameters, top.z)
+        for each in body.contenders
+    ]
+    states = [(fit, tops.get(fit.shape, top)) for fit in with_kin(beams, fits, top.z)]
     contenders: list[Contender] = []
     for stride in levels:
         least = min(fit.cost for fit, _ in states)
@@ -222,8 +211,11 @@ def _settled(
 
 def _widened(beams: Beams, fit: Fit, top: Top) -> tuple[Fit, Top]:
     """A fit to some of the beams, as a place to start from with more of them."""
-    cost = beams.costs(fit.footprint[None], np.array([top.z]))[0]
-    return replace(fit, cost=float(cost), covariance=_WIDER * fit.covariance), top
+    return replace(fit, cost=_cost(beams, fit, top), covariance=_WIDER * fit.covariance), top
+
+
+def _cost(beams: Beams, fit: Fit, top: Top) -> float:
+    return float(beams.costs(fit.footprint[None], np.array([top.z]))[0])
 
 
 def with_kin(beams: Beams, fits: list[Fit], top: float) -> list[Fit]:

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from primfit._check import Ints
+from primfit.carving import Seed
 from primfit.competition import (
     ALL_BEAMS,
     FEW_BEAMS,
@@ -16,13 +17,12 @@ from primfit.competition import (
     as_body,
     compete,
     compete_again,
-    like_polygon,
 )
 from primfit.fitting import find_top
 from primfit.polygons import fit_polygons
 from primfit.scene import Obstacle, Scene
 
-MISFIT = 3.0
+MISFIT = 2.5
 """Standard deviations by which the beams of a body may fit worse than their noise explains."""
 
 _AROUND = 1.3
@@ -102,17 +102,19 @@ def _afresh(scene: Scene, others: list[Body], body: Body, _: float) -> list[Body
 
 
 def _as_polygon(scene: Scene, others: list[Body], body: Body, _: float) -> list[Body]:
-    """The body as a free polygon."""
+    """The body as a free polygon, or as a known kind where that is."""
+    seed, top = body.seed, body.obstacle.top
     scene.obstacles = [each.obstacle for each in others]
-    seed = body.seed
     beams = scene.near(seed.center, _AROUND * seed.radius, without=None)
-    outlines = [seed.outline, body.footprint]
     size = float(np.sqrt(seed.area))
-    polygons = fit_polygons(beams, outlines, body.top.z, size)
+    polygons = fit_polygons(beams, [seed.outline, body.footprint], top, size)
     if not polygons:
         return []
-    fits = polygons + [fit for each in polygons for fit in like_polygon(beams, each, body.top.z)]
-    return [as_body(fits, find_top(beams, polygons[0].footprint), seed)]
+    # The polygon may tell the place of a known kind better than the seed.
+    place = Seed.of_outline(polygons[0].footprint)
+    scene.obstacles.append(Obstacle(place.outline, top))
+    kinds = [each.fit for each in compete(scene, len(others), place).contenders]
+    return [as_body(polygons + kinds, find_top(beams, polygons[0].footprint), seed)]
 
 
 def _cut(scene: Scene, others: list[Body], body: Body, cell: float) -> list[Body]:

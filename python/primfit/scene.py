@@ -27,6 +27,9 @@ _WAYS, _SIDES = 24, 24
 _LEAST_CLEAR = 0.05
 """Share of the beams that tell outliers and losses, if they are clear of all solids."""
 
+_END = 0.01
+"""Share of the reach, at its end, in which a surface may be seen or not."""
+
 _FEW = 50
 """Beams of a bundle that are few."""
 
@@ -337,9 +340,11 @@ class Scene:
         how many are off by more than three sigmas, which tells more where the noise is less than
         was said.
         """
-        rows = self.rows_near(center, radius)
+        noise, rows = self.noise, self.rows_near(center, radius)
+        # Whether a surface at the very end of the reach returns a beam tells of that surface.
+        ends = np.abs(self.background(rows=rows) - noise.reach) < _END * noise.reach
+        rows = rows[~ends]
         costs, foreseen = self.costs(rows)
-        noise = self.noise
         # What outliers and losses cost at the shares that the scene has of them.
         mean = 0.5 + noise.outliers * noise.outlier_price + noise.lost * noise.missing_price
         square = noise.outliers * noise.outlier_price**2 + noise.lost * noise.missing_price**2
