@@ -42,10 +42,6 @@ FEW_BEAMS, ALL_BEAMS = (16, 4), (1,)
 _WIDER = 3.0
 """By how much the variance is widened from a level to the next, which may know better."""
 
-QUICK = Effort(n=96, generations=8, wanted=40.0)
-THOROUGH = Effort(n=160, generations=20, wanted=300.0)
-"""To sample a level, and a posterior that is reported."""
-
 
 @dataclass(frozen=True, eq=False)
 class Contender:
@@ -138,22 +134,25 @@ def compete(scene: Scene, i: int, seed: Seed, shortlist: int = _SHORTLIST) -> Bo
         guesses = first_guesses(rough, template, seed, top.z)
         climbs = [climb(rough, template, guess, top.z, steps=5) for guess in guesses]
         fits.append(min(climbs, key=lambda fit: fit.cost))
-    fits = _sorted_within(seed, fits)[:shortlist]
+    fits = _sorted_within(scene, seed, fits)[:shortlist]
     fits = [approach(beams, fit.shape, fit.parameters, top.z, size) for fit in fits]
-    fits = _sorted_within(seed, fits)
+    fits = _sorted_within(scene, seed, fits)
     return as_body(fits, find_top(beams, fits[0].footprint), seed)
 
 
-def _sorted_within(seed: Seed, fits: list[Fit]) -> list[Fit]:
-    """Fits by cost, without those that leave the seed, in which the solid is, if there are others.
+def _sorted_within(scene: Scene, seed: Seed, fits: list[Fit]) -> list[Fit]:
+    """Fits by cost, without those that leave the seed, in which the solid is, or the room.
 
-    Those that leave it explain what another solid should explain.
+    Those that leave it explain what another solid should explain. When all do, the one that leaves
+    it least stays.
     """
     place = shapely.Polygon(seed.hull).buffer(_OUT * float(np.sqrt(seed.area)))
-    outlines = shapely.polygons([shapely.linearrings(fit.footprint) for fit in fits])
-    out = shapely.area(shapely.difference(shapely.make_valid(outlines), place))
+    if scene.room is not None:
+        place = place.intersection(shapely.Polygon(scene.room))
+    outlines = [shapely.make_valid(shapely.Polygon(fit.footprint)) for fit in fits]
+    out = shapely.area(shapely.difference(outlines, place))
     within = [fit for fit, area in zip(fits, out, strict=True) if area < _OUT * seed.area]
-    return sorted(within or fits, key=lambda fit: fit.cost)
+    return sorted(within, key=lambda fit: fit.cost) or [fits[int(np.argmin(out))]]
 
 
 def as_body(fits: list[Fit], top: Top, seed: Seed) -> Body:

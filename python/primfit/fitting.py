@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from primfit._check import Floats
-from primfit.sampling import Effort, Posterior, sample
+from primfit.evolution import evolve
+from primfit.sampling import FEW, Effort, Posterior, sample
 from primfit.scene import Beams, Local
 from primfit.templates import Shape
 
@@ -108,13 +109,13 @@ def climb(beams: Beams, shape: Shape, start: Floats, top: float, *, steps: int =
                 cost, gradient, information = better
                 continue
         damping *= 10.0
-    return Fit(shape, parameters, _inverse(information), cost)
+    extent = np.ptp(shape.footprints(parameters[None])[0], axis=0).max()
+    return Fit(shape, parameters, _inverse(information, extent), cost)
 
 
-def _inverse(information: Floats) -> Floats:
-    """Inverse of an information matrix; wide, but finite, where the beams tell nothing."""
-    told = np.maximum(np.diag(information), 0.0)
-    scale = np.sqrt(told + 1e-12 * told.sum() + 1e-300)
+def _inverse(information: Floats, widest: float) -> Floats:
+    """Inverse of an information matrix; where the beams tell nothing, as wide as `widest`."""
+    scale = np.sqrt(np.maximum(np.diag(information), 0.0) + widest**-2)
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     root = vectors / np.sqrt(np.maximum(values, _LEAST_TOLD)) / scale[:, None]
     inverse: Floats = root @ root.T
@@ -233,7 +234,8 @@ def settle(
             costs[~shape.is_proper(parameters)] = np.inf
             return costs
 
-        found = sample(cost, mean, covariance, rng, effort)
+        explore = sample if len(mean) <= FEW else evolve
+        found = explore(cost, mean, covariance, rng, effort)
         is_proper = shape.is_proper(found.mean[None])[0]
         mean, covariance = found.mean if is_proper else found.best, found.covariance
         fit = Fit(shape, mean[:d], covariance[:d, :d], found.cost)

@@ -19,8 +19,6 @@ from primfit.carving import Seed, carve
 from primfit.competition import (
     ALL_BEAMS,
     FEW_BEAMS,
-    QUICK,
-    THOROUGH,
     Body,
     compete,
     compete_again,
@@ -30,13 +28,11 @@ from primfit.detection import Detection
 from primfit.fitting import Fit
 from primfit.noise import estimate_range_sigma
 from primfit.planes import Progress, check_enough, cloud_of, find_floor
-from primfit.repair import MISFIT, repair
+from primfit.repair import LEAST_GAIN, MISFIT, repair
+from primfit.sampling import QUICK, THOROUGH
 from primfit.scans import Scan, as_sigma
 from primfit.scene import LEAST_SIGMA, Noise, Obstacle, Scene
 from primfit.surroundings import find_room, measure_noise, survey
-
-_LEAST_GAIN = 25.0
-"""Log-likelihood that a solid must gain over nothing, beyond what its parameters cost."""
 
 _FLOOR_POINTS = 15_000
 """Returns that tell the floor roughly."""
@@ -161,14 +157,14 @@ def detect_likelihood(
         _drop_needless(scene, bodies, MISFIT)
 
         # Room, floor and noise by all beams; then each body among neighbours that are known.
-        surroundings = survey(scene, room, floor is not None, given is None)
+        surroundings = survey(scene, room, floor is not None, given is None, rng)
         for i, body in enumerate(bodies):
             # Once more from the seed: at first the neighbours were no more than that themselves.
             body = compete(scene, i, body.seed)
             bodies[i] = compete_again(scene, i, body, rng, FEW_BEAMS, QUICK)
             scene.obstacles[i] = bodies[i].obstacle
         repair(scene, bodies, carving.cell, rng)
-        surroundings = survey(scene, room, floor is not None, given is None)
+        surroundings = survey(scene, room, floor is not None, given is None, rng)
         for i in range(len(bodies)):
             bodies[i] = compete_again(scene, i, bodies[i], rng, ALL_BEAMS, THOROUGH)
             scene.obstacles[i] = bodies[i].obstacle
@@ -188,7 +184,7 @@ def _drop_needless(scene: Scene, bodies: list[Body], misfit: float = np.inf) -> 
         places = [next(k for k, body in enumerate(bodies) if body is each) for each in doubted]
         gains = [scene.gain(i) for i in places]
         least = int(np.argmin(gains))
-        if gains[least] > _LEAST_GAIN:
+        if gains[least] > LEAST_GAIN:
             return
         del doubted[least]
         i = places[least]

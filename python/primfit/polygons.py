@@ -26,13 +26,12 @@ _TOLERANCES = (0.06, 0.12)
 """By how much an outline to start from may be off, as a fraction of the size."""
 
 
-def fit_polygons(beams: Beams, outlines: list[Floats], top: float, size: float) -> list[Fit]:
-    """The polygon that explains the beams best for its number of corners, and simpler ones.
+def fit_polygon(beams: Beams, outlines: list[Floats], top: float, size: float) -> Fit | None:
+    """The polygon that explains the beams best for its number of corners.
 
     From simplified outlines, corners are dropped and inserted, each time with a fit of all of
     them to some of the beams, as long as that lowers the Bayesian information criterion. Few beams
-    may tell of a corner that is none: polygons without the flattest ones, fitted to all beams,
-    follow.
+    may tell of a corner that is none, so at last the flattest ones are left out with all beams.
 
     Parameters
     ----------
@@ -44,8 +43,8 @@ def fit_polygons(beams: Beams, outlines: list[Floats], top: float, size: float) 
 
     Returns
     -------
-    fits : list of Fit
-        The most corners first; none when no outline is a polygon.
+    fit : Fit or None
+        None when no outline is a polygon.
     """
     some = beams.thinned(8, 0.0)
     price = 0.5 * np.log(max(len(beams), 2))
@@ -64,7 +63,7 @@ def fit_polygons(beams: Beams, outlines: list[Floats], top: float, size: float) 
         if (simple := _simplified(outline, tolerance * size)) is not None
     ]
     if not starts:
-        return []
+        return None
     best = min((fitted(start) for start in starts), key=score)
     tried, improved = 0, True
     while improved and tried < _MOVES:
@@ -81,10 +80,7 @@ def fit_polygons(beams: Beams, outlines: list[Floats], top: float, size: float) 
     fits = [climb(beams, best.shape, best.parameters, top)]
     while (simpler := _without_flattest(fits[-1].footprint, size)) is not None:
         fits.append(climb(beams, FreePolygon(len(simpler)), simpler.ravel(), top))
-    # None is worth its corners that costs more than a simpler one.
-    return [
-        fit for k, fit in enumerate(fits) if all(fit.cost < each.cost for each in fits[k + 1 :])
-    ]
+    return min(fits, key=score)
 
 
 def _without_flattest(footprint: Floats, size: float) -> Floats | None:

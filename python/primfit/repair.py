@@ -12,18 +12,21 @@ from primfit.carving import Seed
 from primfit.competition import (
     ALL_BEAMS,
     FEW_BEAMS,
-    QUICK,
     Body,
     as_body,
     compete,
     compete_again,
 )
 from primfit.fitting import find_top
-from primfit.polygons import fit_polygons
+from primfit.polygons import fit_polygon
+from primfit.sampling import QUICK
 from primfit.scene import Obstacle, Scene
 
 MISFIT = 2.5
 """Standard deviations by which the beams of a body may fit worse than their noise explains."""
+
+LEAST_GAIN = 25.0
+"""Log-likelihood that a solid must gain over nothing, beyond what its parameters cost."""
 
 _AROUND = 1.3
 """Radius within which beams tell of a body, as a multiple of its seed's."""
@@ -38,54 +41,59 @@ _LEAST_CELLS = 9
 def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generator) -> None:
     """Replace bodies, in place, by others where these explain more.
 
-    First by themselves, with all beams. Then another kind, now that the neighbours are known, the
-    parts of the seed, and a free polygon compete by the Bayesian information criterion on the beams
-    that come near.
+    First each is sampled with all beams, which may be enough. Then nothing, another kind, now that
+    the neighbours are known, the parts of the seed, and a free polygon compete by the Bayesian
+    information criterion on the beams that come near.
     """
     for i, body in enumerate(bodies):
         if _misfit(scene, body) > MISFIT:
             bodies[i] = compete_again(scene, i, body, rng, ALL_BEAMS, QUICK)
             scene.obstacles[i] = bodies[i].obstacle
-    queue = list(range(len(bodies)))
+    queue = list(bodies)
     while queue:
-        i = queue.pop(0)
-        seed = bodies[i].seed
-        if _misfit(scene, bodies[i]) <= MISFIT:
+        body = queue.pop(0)
+        if _misfit(scene, body) <= MISFIT:
             continue
-        rows = scene.rows_near(seed.center, _AROUND * seed.radius)
-        others = bodies[:i] + bodies[i + 1 :]
-        best = [bodies[i]]
-        least = _score(scene, others, best, rows)
-        for alternative in (_afresh, _cut, _as_polygon):
-            option = alternative(scene, others, bodies[i], cell)
-            scene.obstacles = [body.obstacle for body in others + option]
-            for j in range(len(others), len(scene.obstacles)):
-                body = _sampled(scene, j, option[j - len(others)], rng)
-                option[j - len(others)] = body
-                scene.obstacles[j] = body.obstacle
-            if not option or _touch(option, float(np.sqrt(seed.area))):
-                continue
-            score = _score(scene, others, option, rows)
-            if score < least:
-                best, least = option, score
-                scene.obstacles = [body.obstacle for body in others + option]
-                if _misfit(scene, bodies[i]) <= MISFIT:
-                    break
+        others = [each for each in bodies if each is not body]
+        best = _instead(scene, others, body, cell, rng)
         bodies[:] = others + best
-        scene.obstacles = [body.obstacle for body in bodies]
+        scene.obstacles = [each.obstacle for each in bodies]
         if len(best) > 1:
-            # The order has changed: the bodies behind i moved up, the new ones are last.
-            queue = [k - (k > i) for k in queue] + list(range(len(others), len(bodies)))
-        else:
-            queue = [k - (k > i) for k in queue]
+            queue += best
+
+
+def _instead(
+    scene: Scene, others: list[Body], body: Body, cell: float, rng: np.random.Generator
+) -> list[Body]:
+    """What explains the beams best in the place of a body."""
+    rows = scene.rows_near(body.seed.center, _AROUND * body.seed.radius)
+    best: list[Body] = []
+    least = _score(scene, others, best, rows) - LEAST_GAIN
+    is_enough = _misfit(scene, body) <= MISFIT
+    score = _score(scene, others, [body], rows)
+    if score < least:
+        best, least = [body], score
+    elif is_enough:
+        return []
+    for alternative in (_afresh, _at_necks, _in_halves, _as_polygon):
+        option = alternative(scene, others, body, cell)
+        scene.obstacles = [each.obstacle for each in others + option]
+        for j, each in enumerate(option):
+            i = len(others) + j
+            option[j] = compete_again(scene, i, each, rng, FEW_BEAMS + ALL_BEAMS, QUICK)
+            scene.obstacles[i] = option[j].obstacle
+        if not option or _touch(option, float(np.sqrt(body.seed.area))):
+            continue
+        score = _score(scene, others, option, rows)
+        if score < least:
+            best, least = option, score
+            if _misfit(scene, body) <= MISFIT:
+                break
+    return best
 
 
 def _misfit(scene: Scene, body: Body) -> float:
     return scene.misfit(body.seed.center, _AROUND * body.seed.radius)
-
-
-def _sampled(scene: Scene, i: int, body: Body, rng: np.random.Generator) -> Body:
-    return compete_again(scene, i, body, rng, FEW_BEAMS + ALL_BEAMS, QUICK)
 
 
 def _score(scene: Scene, others: list[Body], bodies: list[Body], rows: Ints) -> float:
@@ -107,19 +115,29 @@ def _as_polygon(scene: Scene, others: list[Body], body: Body, _: float) -> list[
     scene.obstacles = [each.obstacle for each in others]
     beams = scene.near(seed.center, _AROUND * seed.radius, without=None)
     size = float(np.sqrt(seed.area))
-    polygons = fit_polygons(beams, [seed.outline, body.footprint], top, size)
-    if not polygons:
+    polygon = fit_polygon(beams, [seed.outline, body.footprint], top, size)
+    if polygon is None:
         return []
     # The polygon may tell the place of a known kind better than the seed.
-    place = Seed.of_outline(polygons[0].footprint)
+    place = Seed.of_outline(polygon.footprint)
     scene.obstacles.append(Obstacle(place.outline, top))
     kinds = [each.fit for each in compete(scene, len(others), place).contenders]
-    return [as_body(polygons + kinds, find_top(beams, polygons[0].footprint), seed)]
+    return [as_body([polygon, *kinds], find_top(beams, polygon.footprint), seed)]
 
 
-def _cut(scene: Scene, others: list[Body], body: Body, cell: float) -> list[Body]:
-    """Two or more bodies from the parts of a body's seed."""
-    parts = body.seed.parts or body.seed.halves()
+def _at_necks(scene: Scene, others: list[Body], body: Body, cell: float) -> list[Body]:
+    """Bodies from the parts of a body's seed between its necks."""
+    return _from_parts(scene, others, body.seed.parts, cell)
+
+
+def _in_halves(scene: Scene, others: list[Body], body: Body, cell: float) -> list[Body]:
+    """Bodies from the halves of a body's seed."""
+    return _from_parts(scene, others, body.seed.halves(), cell)
+
+
+def _from_parts(
+    scene: Scene, others: list[Body], parts: tuple[Seed, ...], cell: float
+) -> list[Body]:
     parts = tuple(part for part in parts if part.area > _LEAST_CELLS * cell**2)
     if len(parts) < 2:
         return []
@@ -128,12 +146,11 @@ def _cut(scene: Scene, others: list[Body], body: Body, cell: float) -> list[Body
     scene.obstacles = [body.obstacle for body in others]
     scene.obstacles += [Obstacle(part.hull, top) for part in parts]
     bodies: list[Body] = []
-    for j, part in enumerate(parts):
-        bodies.append(compete(scene, first + j, part))
-        scene.obstacles[first + j] = bodies[j].obstacle
-    for j in range(len(parts)):
-        bodies[j] = compete(scene, first + j, parts[j])
-        scene.obstacles[first + j] = bodies[j].obstacle
+    for _ in range(2):
+        bodies = []
+        for j, part in enumerate(parts):
+            bodies.append(compete(scene, first + j, part))
+            scene.obstacles[first + j] = bodies[j].obstacle
     return bodies
 
 

@@ -16,8 +16,8 @@ _LEAST_SIZE = 0.3
 _MEMORY = 6
 """Generations that are remembered."""
 
-_USUAL = 6
-"""Parameters for which the usual number of draws tells a covariance."""
+FEW = 6
+"""Parameters up to which independent draws hit the posterior often enough."""
 
 _DEGREES = 6.0
 """Of freedom of the proposal: its tails are heavier than those of a jumping likelihood."""
@@ -33,7 +33,7 @@ class Effort:
     Attributes
     ----------
     n : int
-        Draws of a generation, for few parameters; more of them take more.
+        Draws of a generation.
     generations : int
         Most of them.
     wanted : float
@@ -43,6 +43,15 @@ class Effort:
     n: int
     generations: int
     wanted: float
+
+    def n_draws(self, n_parameters: int) -> int:
+        """Draws for a posterior of many parameters, as many more as these are more than few."""
+        return self.n * self.generations * n_parameters // FEW
+
+
+QUICK = Effort(n=96, generations=8, wanted=40.0)
+THOROUGH = Effort(n=160, generations=20, wanted=300.0)
+"""To sample a level, and a posterior that is reported."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +69,7 @@ class Posterior:
     log_evidence : float
         Logarithm of the integral of ``exp(-cost)``.
     size : float
-        Effective number of draws (Kish) behind mean, covariance and evidence.
+        Effective number of draws behind mean, covariance and evidence.
     """
 
     mean: Floats
@@ -95,12 +104,12 @@ def sample(
         Where to start.
     effort : Effort
     """
-    n = int(effort.n * max(1.0, len(mean) / _USUAL))
+    n = effort.n
     best, best_cost = mean, np.inf
     draws, costs = np.empty((0, len(mean))), np.empty(0)
     proposals: list[tuple[Floats, Floats]] = []
     for _ in range(effort.generations):
-        proposals = [*proposals, (mean, _root(covariance))][-_MEMORY:]
+        proposals = [*proposals, (mean, root_of(covariance))][-_MEMORY:]
         standard = rng.normal(size=(n, len(mean)))
         standard *= np.sqrt(_DEGREES / rng.chisquare(_DEGREES, size=(n, 1)))
         standard[0] = 0.0
@@ -131,7 +140,7 @@ def sample(
     return Posterior(mean, covariance, best, best_cost, evidence, size)
 
 
-def _root(covariance: Floats) -> Floats:
+def root_of(covariance: Floats) -> Floats:
     """A square root (d, d) of a covariance that rounding may have made singular."""
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     correlation = covariance / np.outer(scale, scale)

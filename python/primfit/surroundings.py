@@ -8,7 +8,8 @@ import numpy as np
 import shapely
 
 from primfit._check import Floats
-from primfit.fitting import Fit, approach, climb
+from primfit.fitting import Fit, Top, approach, climb, settle
+from primfit.sampling import QUICK
 from primfit.scene import LEAST_SIGMA, Noise, Scene
 from primfit.templates import RECTANGLE
 
@@ -17,6 +18,9 @@ _BEAMS = 20_000
 
 _LEAST_GAIN = 10.0
 """Log-likelihood that walls must gain over none, as a multiple of the logarithm of the beams."""
+
+_STRIDES = (16, 4, 1)
+"""One beam in so many, by which the room is found more and more exactly."""
 
 _CONTAMINATED = 4.0
 """Standard deviations beyond which a residual does not count for the floor."""
@@ -41,7 +45,11 @@ def find_room(scene: Scene, free: Floats) -> Fit | None:
 
 
 def survey(
-    scene: Scene, room: Fit | None, has_floor: bool, measure_sigma: bool
+    scene: Scene,
+    room: Fit | None,
+    has_floor: bool,
+    measure_sigma: bool,
+    rng: np.random.Generator,
 ) -> tuple[Fit | None, float | None]:
     """Refine room, floor and noise of a scene by all beams, with the solids where they are.
 
@@ -55,6 +63,9 @@ def survey(
         scene.room = None
         beams = scene.beams(np.arange(len(scene.scan)), scene.background())
         room = climb(beams, room.shape, room.parameters, scene.ceiling)
+        for stride in _STRIDES:
+            # Walls at the end of the reach hold a climb where it begins.
+            room, _, _ = settle(beams.some(stride), room, Top(scene.ceiling, np.nan), rng, QUICK)
         scene.room = room.footprint
     base_sigma = None
     if has_floor:
