@@ -218,7 +218,7 @@ def _cost(beams: Beams, fit: Fit, top: Top) -> float:
 
 
 def with_kin(beams: Beams, fits: list[Fit], top: float) -> list[Fit]:
-    """Fits, and squares and rectangles from one another: the one is a case of the other.
+    """Fits, and their kin fitted from where they are, since the one is a case of the other.
 
     Each may have climbed to a place of its own; the better of each kind stays.
     """

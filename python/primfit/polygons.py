@@ -11,13 +11,10 @@ from primfit._check import Floats
 from primfit.fitting import Fit, approach, climb
 from primfit.footprints import signed_area
 from primfit.scene import Beams
-from primfit.templates import FreePolygon
+from primfit.templates import FreePolygon, without_flattest
 
 _BULGE = 0.1
 """How far a new corner is tried from the middle of its edge, as a fraction of the edge."""
-
-_FLAT = 0.03
-"""How far a corner that may be none is off the line of its neighbours, as a share of the size."""
 
 _MOVES = 60
 """Most changes of the number of corners that are tried."""
@@ -78,19 +75,9 @@ def fit_polygon(beams: Beams, outlines: list[Floats], top: float, size: float) -
                 best, improved = fit, True
                 break
     fits = [climb(beams, best.shape, best.parameters, top)]
-    while (simpler := _without_flattest(fits[-1].footprint, size)) is not None:
+    while (simpler := without_flattest(fits[-1].footprint)) is not None:
         fits.append(climb(beams, FreePolygon(len(simpler)), simpler.ravel(), top))
     return min(fits, key=score)
-
-
-def _without_flattest(footprint: Floats, size: float) -> Floats | None:
-    """A polygon without the corner nearest to the line of its neighbours; None if that is far."""
-    before, after = np.roll(footprint, 1, axis=0), np.roll(footprint, -1, axis=0)
-    along, to_corner = after - before, footprint - before
-    off = np.abs(along[:, 0] * to_corner[:, 1] - along[:, 1] * to_corner[:, 0])
-    off /= np.linalg.norm(along, axis=1)
-    k = int(np.argmin(off))
-    return np.delete(footprint, k, axis=0) if len(off) > 3 and off[k] < _FLAT * size else None
 
 
 def _changed(footprint: Floats) -> Iterator[Floats]:

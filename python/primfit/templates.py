@@ -20,6 +20,9 @@ from primfit.footprints import regular_name
 
 _ORIGIN = np.zeros(2)
 
+_FLAT = 0.03
+"""How far a corner that may be none is off the line of its neighbours, as a share of the size."""
+
 _NEARLY = 1.3
 """Sides of a rectangle that is nearly a square, the one over the other, at the most."""
 
@@ -200,10 +203,24 @@ TEMPLATES = (
 
 
 def kin(shape: Shape, parameters: Floats) -> list[tuple[Shape, Floats]]:
-    """The rectangle that is a square, and the square that a rectangle nearly is, if it is."""
+    """What a shape may be instead: a rectangle, a square, or a polygon with a corner less."""
     place, sizes = parameters[:3], parameters[3:]
     if shape is SQUARE:
         return [(RECTANGLE, np.append(place, [sizes[0], sizes[0]]))]
     if shape is RECTANGLE and sizes[0] < _NEARLY * sizes[1]:
         return [(SQUARE, np.append(place, np.sqrt(sizes[0] * sizes[1])))]
+    if isinstance(shape, FreePolygon):
+        simpler = without_flattest(shape.footprints(parameters[None])[0])
+        return [] if simpler is None else [(FreePolygon(len(simpler)), simpler.ravel())]
     return []
+
+
+def without_flattest(footprint: Floats) -> Floats | None:
+    """A polygon without the corner nearest to the line of its neighbours; None if that is far."""
+    before, after = np.roll(footprint, 1, axis=0), np.roll(footprint, -1, axis=0)
+    along, to_corner = after - before, footprint - before
+    off = np.abs(along[:, 0] * to_corner[:, 1] - along[:, 1] * to_corner[:, 0])
+    off /= np.linalg.norm(along, axis=1)
+    k = int(np.argmin(off))
+    size = float(np.ptp(footprint, axis=0).max())
+    return np.delete(footprint, k, axis=0) if len(off) > 3 and off[k] < _FLAT * size else None
