@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 import primfit
 from primfit import _primfit
+from primfit.evolution import evolve
 from primfit.fitting import approach, climb, find_top, settle
 from primfit.noise import estimate_range_sigma
 from primfit.sampling import Effort, sample
@@ -145,6 +146,32 @@ def test_the_sampler_finds_a_normal_posterior_and_its_evidence():
     assert (ratio < 1.4).all()
     exact = 0.5 * np.linalg.slogdet(2 * np.pi * covariance)[1]
     assert found.log_evidence == pytest.approx(exact, abs=0.3)
+
+
+@pytest.mark.parametrize("is_box", [False, True])
+def test_chains_explore_a_posterior_of_many_parameters(is_box):
+    rng = np.random.default_rng(2)
+    d = 13
+    root = np.linalg.cholesky(np.eye(d) + 0.5 * np.ones((d, d))) * np.logspace(-3, 0, d)[:, None]
+
+    def cost(x):
+        unit = np.linalg.solve(root, x.T).T
+        if is_box:
+            return np.where((np.abs(unit) < np.sqrt(3.0)).all(axis=1), 0.0, np.inf)
+        return 0.5 * (unit**2).sum(axis=1)
+
+    start = root @ rng.normal(size=d) * 0.5
+    effort = Effort(n=160, generations=30, wanted=300.0)
+    found = evolve(cost, start, 2.0 * root @ root.T, rng, effort)
+    assert found.size > 50.0
+    assert np.linalg.norm(np.linalg.solve(root, found.mean)) < 0.4 * np.sqrt(d)
+    ratio = np.linalg.slogdet(found.covariance)[1] - 2 * np.log(np.diag(root)).sum()
+    assert abs(ratio) / (2 * d) < 0.15
+    exact = 0.5 * d * np.log(2 * np.pi) + np.log(np.diag(root)).sum()
+    if is_box:
+        exact = d * np.log(2 * np.sqrt(3.0)) + np.log(np.diag(root)).sum()
+    # The evidence is an upper bound: by 0.18 a parameter for a box.
+    assert -1.0 < found.log_evidence - exact < 1.0 + 0.25 * d * is_box
 
 
 def test_the_sampler_survives_a_cost_that_is_infinite_almost_everywhere():
