@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from scipy.stats import chi2
 
 import primfit
@@ -15,7 +16,7 @@ from primfit.fitting import approach, climb, find_top, settle
 from primfit.noise import estimate_range_sigma
 from primfit.sampling import Effort, sample
 from primfit.scene import Noise, Obstacle, Scene
-from primfit.templates import RECTANGLE, TEMPLATES, FreePolygon
+from primfit.templates import RECTANGLE, SQUARE, STARS, TEMPLATES, FreePolygon, kin
 
 ROOM = primfit.World([], primfit.Arena((1, 1)))
 
@@ -196,6 +197,23 @@ def test_templates_are_the_kinds_of_solids(template):
     ends = template.footprints(np.concatenate([parameters + steps, parameters - steps]))
     slopes = (ends[: len(steps)] - ends[len(steps) :]).reshape(len(steps), -1).T / 2e-6
     np.testing.assert_allclose(template.jacobian(parameters), slopes, atol=1e-8)
+
+
+def test_kin_start_where_the_other_is():
+    for shape, parameters, kind in (
+        (RECTANGLE, [1.0, 2.0, 0.3, 0.21, 0.2], "square"),
+        (SQUARE, [1.0, 2.0, 0.3, 0.2], "rectangle"),
+        (STARS[5], [1.0, 2.0, 0.3, 0.2, 0.15], "pentagon"),
+        (FreePolygon(5), [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.5, 1.001, 0.0, 1.0], "polygon"),
+    ):
+        parameters = np.array(parameters)
+        [(other, start)] = kin(shape, parameters)
+        assert other.kind == kind
+        mine = shapely.Polygon(shape.footprints(parameters[None])[0])
+        both = mine.intersection(shapely.Polygon(other.footprints(start[None])[0]))
+        assert both.area > 0.9 * mine.area
+    assert not kin(RECTANGLE, np.array([1.0, 2.0, 0.3, 0.4, 0.2]))
+    assert not kin(STARS[5], np.array([1.0, 2.0, 0.3, 0.2, 0.08]))
 
 
 def test_a_polygon_is_proper_when_it_does_not_cross_itself():

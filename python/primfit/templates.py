@@ -23,6 +23,9 @@ _ORIGIN = np.zeros(2)
 _FLAT = 0.03
 """How far a corner that may be none is off the line of its neighbours, as a share of the size."""
 
+_SHALLOW = 0.85
+"""Depth of notches, in that of the shallowest ones, from which a star is nearly regular."""
+
 _NEARLY = 1.3
 """Sides of a rectangle that is nearly a square, the one over the other, at the most."""
 
@@ -194,21 +197,32 @@ def _star(n: int) -> Template:
 
 RECTANGLE, SQUARE = _rectangle(), _regular(4)
 
-TEMPLATES = (
-    *(SQUARE if n == 4 else _regular(n) for n in range(3, 9)),
-    RECTANGLE,
-    *(_star(n) for n in (4, 5, 6)),
-)
+REGULAR = {n: SQUARE if n == 4 else _regular(n) for n in range(3, 9)}
+"""Regular polygons by their number of corners."""
+
+STARS = {n: _star(n) for n in (4, 5, 6)}
+"""Stars by their number of tips."""
+
+TEMPLATES = (*REGULAR.values(), RECTANGLE, *STARS.values())
 """Kinds that are tried."""
 
 
 def kin(shape: Shape, parameters: Floats) -> list[tuple[Shape, Floats]]:
-    """What a shape may be instead: a rectangle, a square, or a polygon with a corner less."""
+    """What a shape may be instead, with where to start.
+
+    A rectangle may be a square and the other way round, a star with shallow notches a regular
+    polygon, a polygon one with a corner less.
+    """
     place, sizes = parameters[:3], parameters[3:]
     if shape is SQUARE:
         return [(RECTANGLE, np.append(place, [sizes[0], sizes[0]]))]
     if shape is RECTANGLE and sizes[0] < _NEARLY * sizes[1]:
         return [(SQUARE, np.append(place, np.sqrt(sizes[0] * sizes[1])))]
+    if isinstance(shape, Template) and shape.kind == "star":
+        regular = REGULAR[shape.axes.shape[1] // 2]
+        if sizes[1] > _SHALLOW * shape.slimmest * sizes[0]:
+            tip = sizes[0] * shape.axes[0, 0] / regular.axes[0, 0]
+            return [(regular, np.array([*place[:2], place[2] + np.angle(tip), np.abs(tip)]))]
     if isinstance(shape, FreePolygon):
         simpler = without_flattest(shape.footprints(parameters[None])[0])
         return [] if simpler is None else [(FreePolygon(len(simpler)), simpler.ravel())]
