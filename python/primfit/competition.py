@@ -32,7 +32,6 @@ _SHORTLIST = 5
 _RIVALS = 15.0
 """Log-evidence that a kind may lack against the best to stay in the competition."""
 
-
 _BEHIND = {16: 3000.0, 4: 1000.0, 1: 300.0}
 """Log-likelihood by which a kind may be behind the best to be sampled with one beam in so many."""
 
@@ -173,9 +172,8 @@ def compete_again(
     They are sampled with few of the beams first, which know less narrowly where to go, then with
     more; kinds that fall behind are given up.
     """
-    center = body.footprint.mean(axis=0)
-    radius = float(np.linalg.norm(body.footprint - center, axis=1).max())
-    beams = scene.near(center, 1.2 * radius, without=i)
+    place = body.obstacle
+    beams = scene.near(place.center, 1.2 * place.radius, without=i)
     tops = {each.fit.shape: each.top for each in body.contenders if each.size}
     top = body.top if tops else find_top(beams, body.footprint)
     fits = [
