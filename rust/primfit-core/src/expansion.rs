@@ -6,8 +6,8 @@
 //! each candidate.
 
 use crate::beams::{BLOCK, BeamBlocks, Block};
+use crate::instructions::widest;
 use crate::likelihood::Candidate;
-use crate::simd::widest;
 
 /// Cost of a prism and how it changes with its corners.
 pub struct Expansion {

@@ -52,10 +52,11 @@ proptest! {
             let a = vertices[triangle[side] as usize];
             let b = vertices[triangle[(side + 1) % 3] as usize];
             let target: Vector = std::array::from_fn(|k| a[k] + along * (b[k] - a[k]));
-            let direction = std::array::from_fn(|k| target[k] - origin[k]);
-            let hit = caster.cast_one(origin, direction);
-            prop_assert!(hit.triangle >= 0);
-            prop_assert!((hit.range - 1.0).abs() < 1e-6);
+            let direction: Vector = std::array::from_fn(|k| target[k] - origin[k]);
+            let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let hits = caster.cast(&[origin], &[direction], &workers(1)).unwrap();
+            prop_assert!(hits.ids[0] >= 0);
+            prop_assert!((hits.ranges[0] / length - 1.0).abs() < 1e-6);
         }
     }
 
@@ -143,11 +144,13 @@ fn hits_are_those_of_parry() {
     for i in 0..1000 {
         let [s, t] = [f64::from(i % 37) / 36.0, f64::from(i % 41) / 40.0];
         let origin = [4.0 * s - 2.013, 5.0 * t - 3.017, 0.9 * s + 1.1 * t - 1.0];
-        let direction = [0.31 - s, 0.27 - t, s * t + 0.1];
-        let hit = caster.cast_one(origin, direction);
-        let ray = Ray::new(origin.into(), direction.into());
+        let direction: Vector = [0.31 - s, 0.27 - t, s * t + 0.1];
+        let hits = caster.cast(&[origin], &[direction], &workers(1)).unwrap();
+        let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let ray = Ray::new(origin.into(), direction.map(|x| x / length).into());
         let range = mesh.cast_local_ray(&ray, f64::MAX, false).unwrap_or(f64::INFINITY);
-        assert!(hit.range == range || (hit.range - range).abs() < 1e-9, "row {i}");
+        let found = hits.ranges[0];
+        assert!(found == range || (found - range).abs() < 1e-9, "row {i}");
         n_hits += i32::from(range.is_finite());
     }
     assert!((200..1000).contains(&n_hits));

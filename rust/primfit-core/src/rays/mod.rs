@@ -12,6 +12,7 @@ mod lanes;
 mod leaf;
 mod memory;
 mod packet;
+mod query;
 mod ray;
 mod scan;
 mod split;
@@ -22,5 +23,5 @@ mod tree;
 mod triangle;
 mod walk;
 
-pub use caster::{Hit, Hits, RayCaster};
-pub use scan::Transform;
+pub use caster::{Hits, RayCaster};
+pub use scan::{Gate, Readings, Transform, turned};

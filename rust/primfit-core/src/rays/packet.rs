@@ -5,6 +5,8 @@
 //! vectors computed once and costs nine products a ray. When few rays are left they go on alone.
 
 #![allow(clippy::inline_always)]
+// Lazy operators would be branches.
+#![allow(clippy::needless_bitwise_bool)]
 // Lanes are counted, so that the compiler sees whole vectors.
 #![allow(clippy::needless_range_loop)]
 
@@ -13,7 +15,8 @@ use super::caster::Hit;
 use super::interleaved::{self, Flight, prefetch_child};
 use super::lanes::{Isa, Lanes, lane, load};
 use super::leaf::Triangles;
-use super::ray::{Ray, Start, ULP, steep};
+use super::query::{Query, is_near_unit, is_unit};
+use super::ray::{Ray, STEEPEST, Start, ULP};
 use super::tiles::{RAYS, Tiles};
 use super::tree::{Block, LEAF, Node, Tree, WIDTH};
 use super::triangle::ShearedRay;
@@ -33,7 +36,7 @@ type Floats = [f32; RAYS];
 type Doubles = [f64; RAYS];
 
 /// The rays, what they hit so far and which children wait.
-struct Packet {
+pub struct Packet {
     origin: Vector,
     start: Start,
     exact_directions: [Doubles; 3],
@@ -42,6 +45,8 @@ struct Packet {
     near: [Floats; 3],
     far: [Floats; 3],
     limits: Floats,
+    /// The greatest of the limits.
+    last: f32,
     scales: Doubles,
     /// Axes and shears when all rays have the same longest component.
     axes: Option<[usize; 3]>,
@@ -51,44 +56,50 @@ struct Packet {
     beam: [Span; 3],
     stack: [(u64, u32); STACK],
     waiting: usize,
-    flights: Vec<Flight>,
 }
 
-/// Casts all rays of one origin, which must not be far, tile by tile.
+/// Casts all rays of one origin, which must not be far, tile by tile; whether all have a direction.
 #[inline(always)]
-pub fn cast<I: Isa>(
+pub fn cast<I: Isa, Q: Query>(
     tree: &Tree,
     tiles: Tiles,
     start: Start,
-    origin: Vector,
-    directions: &[Vector],
-    hits: &mut [Hit],
-) {
-    let mut packet = Packet::new(origin, start);
-    for tile in 0..tiles.count(directions.len()) {
-        let (rows, count) = tiles.tile(tile, directions.len());
+    query: &mut Q,
+    packet: &mut Packet,
+    flights: &mut [Flight],
+) -> bool {
+    packet.origin = query.origin(0);
+    packet.start = start;
+    for tile in 0..tiles.count(query.len()) {
+        let (rows, count) = tiles.tile(tile, query.len());
         if count == 0 {
             continue;
         }
-        packet.prepare(tree, directions, rows);
-        packet.traverse::<I>(tree, u32::MAX >> (32 - count));
+        if !packet.aim(query, rows) {
+            return false;
+        }
+        packet.prepare::<I>(tree);
+        packet.traverse::<I>(tree, flights, u32::MAX >> (32 - count));
         for i in 0..count {
-            hits[rows[i] as usize] = Hit { range: packet.ranges[i], triangle: packet.triangles[i] };
+            let hit = packet.hit(i);
+            query.answer(rows[i] as usize, lane(&packet.exact_directions, i), hit);
         }
     }
+    true
 }
 
 impl Packet {
-    fn new(origin: Vector, start: Start) -> Self {
+    pub fn new() -> Self {
         Self {
-            origin,
-            start,
+            origin: [0.0; 3],
+            start: Start::default(),
             exact_directions: [[0.0; RAYS]; 3],
             directions: [[0.0; RAYS]; 3],
             inverses: [[0.0; RAYS]; 3],
             near: [[0.0; RAYS]; 3],
             far: [[0.0; RAYS]; 3],
             limits: [0.0; RAYS],
+            last: 0.0,
             scales: [0.0; RAYS],
             axes: None,
             shears: [[0.0; RAYS]; 3],
@@ -97,65 +108,97 @@ impl Packet {
             beam: [Span::Both { low: 0.0, high: 0.0 }; 3],
             stack: [(0, 0); STACK],
             waiting: 0,
-            flights: (0..MANY).map(|_| Flight::idle()).collect(),
         }
     }
 
+    /// Takes the unit directions of some rays; whether all have one.
     #[inline(always)]
-    fn prepare(&mut self, tree: &Tree, directions: &[Vector], rows: [u32; RAYS]) {
-        let start = self.start;
+    fn aim<Q: Query>(&mut self, query: &Q, rows: [u32; RAYS]) -> bool {
+        let [x, y, z] = query.directions(rows);
+        let mut squares = [0.0; RAYS];
+        let mut are_units = true;
         for i in 0..RAYS {
-            let direction = directions[rows[i] as usize];
+            squares[i] = x[i] * x[i] + y[i] * y[i] + z[i] * z[i];
+            are_units &= is_unit(squares[i]);
+        }
+        self.exact_directions = [x, y, z];
+        are_units || self.normalize(squares) || self.aim_anew(query, rows)
+    }
+
+    /// Gives directions unit length; whether all were near it.
+    #[inline(always)]
+    fn normalize(&mut self, squares: Doubles) -> bool {
+        let mut scales = [0.0; RAYS];
+        for i in 0..RAYS {
+            scales[i] = 1.0 / squares[i].sqrt();
+        }
+        let mut are_near = true;
+        for i in 0..RAYS {
+            scales[i] = if is_unit(squares[i]) { 1.0 } else { scales[i] };
+            are_near &= is_near_unit(squares[i]);
+        }
+        for k in 0..3 {
+            for i in 0..RAYS {
+                self.exact_directions[k][i] *= scales[i];
+            }
+        }
+        are_near
+    }
+
+    /// The same for rays of any length.
+    #[cold]
+    fn aim_anew<Q: Query>(&mut self, query: &Q, rows: [u32; RAYS]) -> bool {
+        for i in 0..RAYS {
+            let Some(direction) = query.unit(rows[i] as usize) else { return false };
             for k in 0..3 {
                 self.exact_directions[k][i] = direction[k];
             }
         }
-        let [x, y, z] = &self.exact_directions;
-        let mut largest = [0.0; RAYS];
-        for i in 0..RAYS {
-            largest[i] = x[i].abs().max(y[i].abs()).max(z[i].abs());
-            self.scales[i] = largest[i] * tree.frame.scale;
-        }
-        for k in 0..3 {
-            for i in 0..RAYS {
-                let direction = steep(self.exact_directions[k][i] / largest[i]);
-                let inverse = 1.0 / direction;
-                let place = -start.origin[k] * inverse;
-                let slack = start.slack() * inverse.abs();
-                self.directions[k][i] = direction;
-                self.inverses[k][i] = inverse;
-                self.near[k][i] = place - slack;
-                self.far[k][i] = place + slack;
-            }
-            self.beam[k] = Span::of(k, &self.directions[k], start.slack());
-        }
-        self.limits = [start.limit(); RAYS];
-        self.ranges = [f64::INFINITY; RAYS];
-        self.triangles = [-1; RAYS];
-        self.waiting = 0;
-        self.shear();
+        true
     }
 
-    /// The shears of all rays, when they share their axes.
     #[inline(always)]
-    fn shear(&mut self) {
-        let first: Vector = std::array::from_fn(|k| self.exact_directions[k][0]);
-        let axes = ShearedRay::axes_of(first);
-        let [kx, ky, kz] = axes;
+    fn prepare<I: Isa>(&mut self, tree: &Tree) {
+        let start = self.start;
+        let [kx, ky, kz] = ShearedRay::axes_of(lane(&self.exact_directions, 0));
         let [dx, dy, dz] = [kx, ky, kz].map(|k| &self.exact_directions[k]);
+        let mut inverses = [0.0; RAYS];
         let mut agree = true;
         for i in 0..RAYS {
             let (x, y, z) = (dx[i].abs(), dy[i].abs(), dz[i].abs());
+            let largest = x.max(y).max(z);
             // Ties are left to the general way.
-            agree &= z > x && z > y && (dz[i] < 0.0) == (dz[0] < 0.0);
-        }
-        self.axes = agree.then_some(axes);
-        for i in 0..RAYS {
-            let inverse = 1.0 / dz[i];
+            agree &= (z > x) & (z > y) & ((dz[i] < 0.0) == (dz[0] < 0.0));
+            self.scales[i] = largest * tree.frame.scale;
+            inverses[i] = 1.0 / largest;
+            let inverse = inverses[i].copysign(dz[i]);
             self.shears[0][i] = dx[i] * inverse;
             self.shears[1][i] = dy[i] * inverse;
             self.shears[2][i] = inverse;
         }
+        self.axes = agree.then_some([kx, ky, kz]);
+        for k in 0..3 {
+            let mut scaled = self.exact_directions[k];
+            for i in 0..RAYS {
+                scaled[i] *= inverses[i];
+            }
+            let direction = I::Sixteen::narrow(&scaled);
+            // As `steep` does it.
+            let direction = direction.abs().max(I::Sixteen::splat(STEEPEST)).flip(direction);
+            let inverse = I::Sixteen::splat(1.0) / direction;
+            let place = I::Sixteen::splat(-start.origin[k]) * inverse;
+            let slack = I::Sixteen::splat(start.slack()) * inverse.abs();
+            self.directions[k] = direction.store();
+            self.inverses[k] = inverse.store();
+            self.near[k] = (place - slack).store();
+            self.far[k] = (place + slack).store();
+            self.beam[k] = Span::of(k, direction.least(), direction.greatest(), start.slack());
+        }
+        self.limits = [start.limit(); RAYS];
+        self.last = start.limit();
+        self.ranges = [f64::INFINITY; RAYS];
+        self.triangles = [-1; RAYS];
+        self.waiting = 0;
     }
 
     #[inline(always)]
@@ -167,14 +210,14 @@ impl Packet {
     }
 
     #[inline(always)]
-    fn traverse<I: Isa>(&mut self, tree: &Tree, all: u32) {
+    fn traverse<I: Isa>(&mut self, tree: &Tree, flights: &mut [Flight], all: u32) {
         let few = if tree.nodes.len() < LARGE { FEW } else { MANY };
         let (mut child, mut mask) = (0_u32, all);
         loop {
             if child & LEAF != 0 {
                 self.leaf::<I>(tree, &tree.blocks[(child ^ LEAF) as usize], mask);
             } else if mask.count_ones() <= few {
-                self.go_alone::<I>(tree, child, mask);
+                self.go_alone::<I>(tree, flights, child, mask);
             } else if let Some(next) = self.enter::<I>(tree, &tree.nodes[child as usize], mask) {
                 (child, mask) = next;
                 continue;
@@ -187,11 +230,7 @@ impl Packet {
     /// The children that rays of `mask` enter; the nearest is next, with its rays.
     #[inline(always)]
     fn enter<I: Isa>(&mut self, tree: &Tree, node: &Node, mask: u32) -> Option<(u32, u32)> {
-        let mut last = self.limits[0];
-        for limit in &self.limits[1..] {
-            last = if *limit > last { *limit } else { last };
-        }
-        let (entry, mut children) = beam::slabs::<I>(node, self.start, &self.beam, last);
+        let (entry, mut children) = beam::slabs::<I>(node, self.start, &self.beam, self.last);
         if !tree.is_cached() {
             let mut rest = children;
             while rest != 0 {
@@ -287,14 +326,14 @@ impl Packet {
             let limits = I::Sixteen::load(&self.limits);
             let candidates = mask & triangles.candidates::<I>(i, directions, limits);
             if candidates != 0 {
-                self.decide(tree, block.first as usize + i, candidates);
+                self.decide::<I>(tree, block.first as usize + i, candidates);
             }
         }
     }
 
     /// One triangle against some rays in float64.
     #[inline(always)]
-    fn decide(&mut self, tree: &Tree, triangle: usize, mut candidates: u32) {
+    fn decide<I: Isa>(&mut self, tree: &Tree, triangle: usize, mut candidates: u32) {
         let triangle = &tree.exact[triangle];
         let id = i64::from(triangle.id);
         if candidates.count_ones() > FEW_CANDIDATES
@@ -302,16 +341,19 @@ impl Packet {
             && let Some(depths) =
                 ShearedRay::cast_many(self.origin, axes, &self.shears, &triangle.corners)
         {
-            let reach = 8.0 * ULP * self.start.reach;
+            let mut positions = [0.0; RAYS];
             for i in 0..RAYS {
                 let (old, new) = (self.ranges[i], depths[i]);
-                let is_before = new < old || (new == old && id < self.triangles[i]);
-                let range = if is_before { new } else { old };
-                self.ranges[i] = range;
+                let is_before = (new < old) | ((new == old) & (id < self.triangles[i]));
+                self.ranges[i] = if is_before { new } else { old };
                 self.triangles[i] = if is_before { id } else { self.triangles[i] };
-                let limit = (range * self.scales[i]) as f32 + reach;
-                self.limits[i] = if limit < self.limits[i] { limit } else { self.limits[i] };
+                positions[i] = self.ranges[i] * self.scales[i];
             }
+            let reach = I::Sixteen::splat(8.0 * ULP * self.start.reach);
+            let limits = I::Sixteen::narrow(&positions) + reach;
+            let limits = limits.min(I::Sixteen::load(&self.limits));
+            self.last = limits.greatest();
+            self.limits = limits.store();
             return;
         }
         while candidates != 0 {
@@ -327,14 +369,15 @@ impl Packet {
                 }
             }
         }
+        self.last = I::Sixteen::load(&self.limits).greatest();
     }
 
     /// Each ray of `mask` by itself from `child` on.
     #[inline(always)]
-    fn go_alone<I: Isa>(&mut self, tree: &Tree, child: u32, mask: u32) {
-        let n = mask.count_ones() as usize;
+    fn go_alone<I: Isa>(&mut self, tree: &Tree, flights: &mut [Flight], child: u32, mask: u32) {
+        let flights = &mut flights[..mask.count_ones() as usize];
         let mut rest = mask;
-        for flight in 0..n {
+        for flight in &mut *flights {
             let i = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let ray = Ray::ready(
@@ -346,17 +389,18 @@ impl Packet {
                 self.scales[i],
             );
             let (exact, hit) = (self.exact(i), self.hit(i));
-            self.flights[flight].restart(tree, ray, exact, hit, child);
+            flight.restart(tree, ray, exact, hit, child);
         }
-        interleaved::finish::<I>(tree, &mut self.flights[..n]);
+        interleaved::finish::<I>(tree, flights);
         let mut rest = mask;
-        for flight in &self.flights[..n] {
+        for flight in flights {
             let i = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let hit = flight.walk.hit;
             (self.ranges[i], self.triangles[i]) = (hit.range, hit.triangle);
             self.limits[i] = flight.walk.ray.limit;
         }
+        self.last = I::Sixteen::load(&self.limits).greatest();
     }
 
     #[inline(always)]

@@ -136,11 +136,13 @@ impl Ray {
     }
 }
 
-/// A component of a direction that has a finite inverse.
+/// The least component of a direction, so that its inverse is finite.
+pub const STEEPEST: f32 = 1e-18;
+
 #[inline(always)]
-pub fn steep(component: f64) -> f32 {
+fn steep(component: f64) -> f32 {
     let component = component as f32;
-    if component.abs() < 1e-18 { 1e-18_f32.copysign(component) } else { component }
+    if component.abs() < STEEPEST { STEEPEST.copysign(component) } else { component }
 }
 
 /// A ray from far away begins where it enters the scene.

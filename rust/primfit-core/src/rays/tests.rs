@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use super::caster::{Hit, RayCaster, Way, cast_at_all};
+use super::query::{Rays, unit};
 use crate::Vector;
 use crate::instructions::Instructions;
 use proptest::prelude::*;
@@ -100,8 +101,14 @@ fn cast_everywhere(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Ve
     for instructions in Instructions::available() {
         caster.use_instructions(instructions);
         for way in Way::all(origins) {
-            let mut hits = vec![Hit::NONE; origins.len()];
-            caster.cast_task(way, origins, directions, &mut hits);
+            let (mut ranges, mut ids) = (vec![0.0; origins.len()], vec![0; origins.len()]);
+            let (ranges_here, ids_here) = (&mut ranges[..], &mut ids[..]);
+            let mut rays =
+                Rays { origins, directions, names: None, ranges: ranges_here, ids: ids_here };
+            assert!(caster.cast_part(way, &mut rays));
+            let hits: Vec<Hit> = std::iter::zip(ranges, ids)
+                .map(|(range, triangle)| Hit { range, triangle })
+                .collect();
             if let Some(found) = &found {
                 for (row, (hit, other)) in hits.iter().zip(found).enumerate() {
                     assert!(
@@ -123,7 +130,8 @@ fn cast_everywhere(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Ve
 fn cast_brute(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Vec<Hit> {
     let caster = RayCaster::new(&mesh.0, &mesh.1).unwrap();
     let rays = origins.iter().zip(directions);
-    rays.map(|(&origin, &direction)| cast_at_all(caster.tree(), origin, direction)).collect()
+    rays.map(|(&origin, &direction)| cast_at_all(caster.tree(), origin, unit(direction).unwrap()))
+        .collect()
 }
 
 proptest! {

@@ -5,10 +5,10 @@
 use super::caster::{Hit, cast_at_all};
 use super::lanes::{Isa, Lanes, splat};
 use super::leaf::candidates;
+use super::query::Query;
 use super::ray::{Approach, Ray};
 use super::tree::{LEAF, Node, Tree, WIDTH};
 use super::triangle::ShearedRay;
-use crate::Vector;
 
 /// More than the children that can wait: seven a level, and `split::DEEPEST` levels and those of
 /// a halved set.
@@ -121,22 +121,23 @@ impl Walk {
     }
 }
 
-/// Casts all rays, one after the other.
+/// Casts all rays, one after the other; whether all have a direction.
 #[inline(always)]
-pub fn cast<I: Isa>(tree: &Tree, origins: &[Vector], directions: &[Vector], hits: &mut [Hit]) {
-    let mut walk = Walk::idle();
-    for ((hit, &origin), &direction) in hits.iter_mut().zip(origins).zip(directions) {
-        *hit = match Ray::approach(origin, direction, &tree.frame) {
+pub fn cast<I: Isa, Q: Query>(tree: &Tree, query: &mut Q, walk: &mut Walk) -> bool {
+    for row in 0..query.len() {
+        let (origin, Some(direction)) = (query.origin(row), query.unit(row)) else { return false };
+        let hit = match Ray::approach(origin, direction, &tree.frame) {
             Approach::Passes => Hit::NONE,
             Approach::Unclear => cast_at_all(tree, origin, direction),
             Approach::Enters(ray) => {
-                let exact = ShearedRay::new(origin, direction);
-                walk.restart(ray, exact, Hit::NONE);
+                walk.restart(ray, ShearedRay::new(origin, direction), Hit::NONE);
                 walk.finish::<I>(tree, 0);
                 walk.hit
             }
         };
+        query.answer(row, direction, hit);
     }
+    true
 }
 
 /// Where the ray enters each child, at zero or beyond, and a bit for each that it enters.
