@@ -202,12 +202,16 @@ for_each_set! {
         match way {
             _ if query.len() == 0 => true,
             _ if tree.exact.is_empty() => query.miss(),
-            Way::OneByOne => walk::cast::<Set, Q>(tree, query, &mut flights[0].walk),
-            Way::Interleaved => interleaved::cast::<Set, Q>(tree, query, flights),
+            Way::OneByOne => {
+                walk::cast::<Set, Q>(tree, query, &mut packet.bundle, &mut flights[0].walk)
+            }
+            Way::Interleaved => {
+                interleaved::cast::<Set, Q>(tree, query, &mut packet.bundle, flights)
+            }
             Way::Packets(tiles) => {
                 let start = Start::new(query.origin(0), &tree.frame);
                 if start.is_far {
-                    return walk::cast::<Set, Q>(tree, query, &mut flights[0].walk);
+                    return interleaved::cast::<Set, Q>(tree, query, &mut packet.bundle, flights);
                 }
                 packet::cast::<Set, Q>(tree, tiles, start, query, packet, flights)
             }
@@ -261,7 +265,7 @@ pub(super) fn cast_at_all(tree: &Tree, origin: Vector, direction: Vector) -> Hit
     let ray = ShearedRay::new(origin, direction);
     let hits = tree.exact.iter().filter_map(|triangle| {
         let range = ray.cast(&triangle.corners)?;
-        Some(Hit { range, triangle: i64::from(triangle.id) })
+        Some(Hit { range, triangle: triangle.id() })
     });
     hits.fold(Hit::NONE, |best, hit| if hit.is_before(best) { hit } else { best })
 }

@@ -2,11 +2,13 @@
 
 #![allow(clippy::inline_always)]
 
-use super::caster::{Hit, cast_at_all};
+use super::bundle::Bundle;
+use super::caster::Hit;
 use super::lanes::Isa;
 use super::leaf::candidates;
 use super::query::Query;
-use super::ray::{Approach, Ray};
+use super::ray::Ray;
+use super::supply::{Next, Supply};
 use super::tree::{LEAF, Tree};
 use super::triangle::ShearedRay;
 use super::walk::Walk;
@@ -88,9 +90,10 @@ pub fn finish<I: Isa>(tree: &Tree, flights: &mut [Flight]) {
 pub fn cast<I: Isa, Q: Query>(
     tree: &Tree,
     query: &mut Q,
+    bundle: &mut Bundle,
     flights: &mut [Flight; IN_FLIGHT],
 ) -> bool {
-    let mut waiting = 0..query.len();
+    let mut supply = Supply::new(bundle);
     // Of each flight, the row and the direction of its ray.
     let mut rays = [None; IN_FLIGHT];
     for flight in &mut *flights {
@@ -98,31 +101,22 @@ pub fn cast<I: Isa, Q: Query>(
     }
     loop {
         let mut goes_on = false;
-        for (flight, ray) in flights.iter_mut().zip(&mut rays) {
+        for (flight, flying) in flights.iter_mut().zip(&mut rays) {
             if flight.advance::<I>(tree) {
                 goes_on = true;
                 continue;
             }
-            if let Some((row, direction)) = ray.take() {
+            if let Some((row, direction)) = flying.take() {
                 query.answer(row, direction, flight.walk.hit);
             }
-            for row in waiting.by_ref() {
-                let Some(direction) = query.unit(row) else { return false };
-                let origin = query.origin(row);
-                match Ray::approach(origin, direction, &tree.frame) {
-                    Approach::Enters(entering) => {
-                        let exact = ShearedRay::new(origin, direction);
-                        flight.restart(tree, entering, exact, Hit::NONE, 0);
-                        *ray = Some((row, direction));
-                        goes_on = true;
-                        break;
-                    }
-                    Approach::Passes => query.answer(row, direction, Hit::NONE),
-                    Approach::Unclear => {
-                        let hit = cast_at_all(tree, origin, direction);
-                        query.answer(row, direction, hit);
-                    }
+            match supply.next::<I, Q>(tree, query) {
+                Next::Enters { row, direction, ray, exact } => {
+                    flight.restart(tree, ray, exact, Hit::NONE, 0);
+                    *flying = Some((row, direction));
+                    goes_on = true;
                 }
+                Next::NoDirection => return false,
+                Next::NoMore => {}
             }
         }
         if !goes_on {

@@ -6,6 +6,7 @@
 //! matter, and neither do instruction sets, packets and threads.
 
 mod beam;
+mod bundle;
 mod caster;
 mod interleaved;
 mod lanes;
@@ -16,6 +17,7 @@ mod query;
 mod ray;
 mod scan;
 mod split;
+mod supply;
 #[cfg(test)]
 mod tests;
 mod tiles;

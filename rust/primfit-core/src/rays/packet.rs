@@ -11,12 +11,13 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::beam::{self, Span};
+use super::bundle::{Bundle, Doubles, Floats};
 use super::caster::Hit;
 use super::interleaved::{self, Flight, prefetch_child};
 use super::lanes::{Isa, Lanes, lane, load};
 use super::leaf::Triangles;
-use super::query::{Query, is_near_unit, is_unit};
-use super::ray::{Ray, STEEPEST, Start, ULP};
+use super::query::Query;
+use super::ray::{Start, ULP};
 use super::tiles::{RAYS, Tiles};
 use super::tree::{Block, LEAF, Node, Tree, WIDTH};
 use super::triangle::ShearedRay;
@@ -32,22 +33,14 @@ const LARGE: usize = 16_000;
 /// So many candidates are decided one by one.
 const FEW_CANDIDATES: u32 = 2;
 
-type Floats = [f32; RAYS];
-type Doubles = [f64; RAYS];
-
 /// The rays, what they hit so far and which children wait.
 pub struct Packet {
+    pub bundle: Bundle,
     origin: Vector,
     start: Start,
-    exact_directions: [Doubles; 3],
-    directions: [Floats; 3],
-    inverses: [Floats; 3],
-    near: [Floats; 3],
-    far: [Floats; 3],
     limits: Floats,
     /// The greatest of the limits.
     last: f32,
-    scales: Doubles,
     /// Axes and shears when all rays have the same longest component.
     axes: Option<[usize; 3]>,
     shears: [Doubles; 3],
@@ -75,14 +68,14 @@ pub fn cast<I: Isa, Q: Query>(
         if count == 0 {
             continue;
         }
-        if !packet.aim(query, rows) {
+        if !packet.bundle.aim(query, rows) {
             return false;
         }
         packet.prepare::<I>(tree);
         packet.traverse::<I>(tree, flights, u32::MAX >> (32 - count));
         for i in 0..count {
             let hit = packet.hit(i);
-            query.answer(rows[i] as usize, lane(&packet.exact_directions, i), hit);
+            query.answer(rows[i] as usize, lane(&packet.bundle.exact, i), hit);
         }
     }
     true
@@ -91,16 +84,11 @@ pub fn cast<I: Isa, Q: Query>(
 impl Packet {
     pub fn new() -> Self {
         Self {
+            bundle: Bundle::new(),
             origin: [0.0; 3],
             start: Start::default(),
-            exact_directions: [[0.0; RAYS]; 3],
-            directions: [[0.0; RAYS]; 3],
-            inverses: [[0.0; RAYS]; 3],
-            near: [[0.0; RAYS]; 3],
-            far: [[0.0; RAYS]; 3],
             limits: [0.0; RAYS],
             last: 0.0,
-            scales: [0.0; RAYS],
             axes: None,
             shears: [[0.0; RAYS]; 3],
             ranges: [0.0; RAYS],
@@ -111,91 +99,17 @@ impl Packet {
         }
     }
 
-    /// Takes the unit directions of some rays; whether all have one.
-    #[inline(always)]
-    fn aim<Q: Query>(&mut self, query: &Q, rows: [u32; RAYS]) -> bool {
-        let [x, y, z] = query.directions(rows);
-        let mut squares = [0.0; RAYS];
-        let mut are_units = true;
-        for i in 0..RAYS {
-            squares[i] = x[i] * x[i] + y[i] * y[i] + z[i] * z[i];
-            are_units &= is_unit(squares[i]);
-        }
-        self.exact_directions = [x, y, z];
-        are_units || self.normalize(squares) || self.aim_anew(query, rows)
-    }
-
-    /// Gives directions unit length; whether all were near it.
-    #[inline(always)]
-    fn normalize(&mut self, squares: Doubles) -> bool {
-        let mut scales = [0.0; RAYS];
-        for i in 0..RAYS {
-            scales[i] = 1.0 / squares[i].sqrt();
-        }
-        let mut are_near = true;
-        for i in 0..RAYS {
-            scales[i] = if is_unit(squares[i]) { 1.0 } else { scales[i] };
-            are_near &= is_near_unit(squares[i]);
-        }
-        for k in 0..3 {
-            for i in 0..RAYS {
-                self.exact_directions[k][i] *= scales[i];
-            }
-        }
-        are_near
-    }
-
-    /// The same for rays of any length.
-    #[cold]
-    fn aim_anew<Q: Query>(&mut self, query: &Q, rows: [u32; RAYS]) -> bool {
-        for i in 0..RAYS {
-            let Some(direction) = query.unit(rows[i] as usize) else { return false };
-            for k in 0..3 {
-                self.exact_directions[k][i] = direction[k];
-            }
-        }
-        true
-    }
-
     #[inline(always)]
     fn prepare<I: Isa>(&mut self, tree: &Tree) {
-        let start = self.start;
-        let [kx, ky, kz] = ShearedRay::axes_of(lane(&self.exact_directions, 0));
-        let [dx, dy, dz] = [kx, ky, kz].map(|k| &self.exact_directions[k]);
-        let mut inverses = [0.0; RAYS];
-        let mut agree = true;
-        for i in 0..RAYS {
-            let (x, y, z) = (dx[i].abs(), dy[i].abs(), dz[i].abs());
-            let largest = x.max(y).max(z);
-            // Ties are left to the general way.
-            agree &= (z > x) & (z > y) & ((dz[i] < 0.0) == (dz[0] < 0.0));
-            self.scales[i] = largest * tree.frame.scale;
-            inverses[i] = 1.0 / largest;
-            let inverse = inverses[i].copysign(dz[i]);
-            self.shears[0][i] = dx[i] * inverse;
-            self.shears[1][i] = dy[i] * inverse;
-            self.shears[2][i] = inverse;
+        self.bundle.place_together::<I>(self.start, &tree.frame);
+        let slack = self.start.slack();
+        for (k, components) in self.bundle.directions.iter().enumerate() {
+            let components = I::Sixteen::load(components);
+            self.beam[k] = Span::of(k, components.least(), components.greatest(), slack);
         }
-        self.axes = agree.then_some([kx, ky, kz]);
-        for k in 0..3 {
-            let mut scaled = self.exact_directions[k];
-            for i in 0..RAYS {
-                scaled[i] *= inverses[i];
-            }
-            let direction = I::Sixteen::narrow(&scaled);
-            // As `steep` does it.
-            let direction = direction.abs().max(I::Sixteen::splat(STEEPEST)).flip(direction);
-            let inverse = I::Sixteen::splat(1.0) / direction;
-            let place = I::Sixteen::splat(-start.origin[k]) * inverse;
-            let slack = I::Sixteen::splat(start.slack()) * inverse.abs();
-            self.directions[k] = direction.store();
-            self.inverses[k] = inverse.store();
-            self.near[k] = (place - slack).store();
-            self.far[k] = (place + slack).store();
-            self.beam[k] = Span::of(k, direction.least(), direction.greatest(), start.slack());
-        }
-        self.limits = [start.limit(); RAYS];
-        self.last = start.limit();
+        (self.axes, self.shears) = self.bundle.shear();
+        self.limits = [self.start.limit(); RAYS];
+        self.last = self.start.limit();
         self.ranges = [f64::INFINITY; RAYS];
         self.triangles = [-1; RAYS];
         self.waiting = 0;
@@ -205,7 +119,7 @@ impl Packet {
     fn exact(&self, i: usize) -> ShearedRay {
         match self.axes {
             Some(axes) => ShearedRay::from_shear(self.origin, axes, lane(&self.shears, i)),
-            None => ShearedRay::new(self.origin, lane(&self.exact_directions, i)),
+            None => self.bundle.sheared(i, self.origin),
         }
     }
 
@@ -269,7 +183,10 @@ impl Packet {
             self.stack[place] = other;
             self.waiting += 1;
         }
-        nearest.map(|(key, rays)| (key as u32, rays)).or_else(|| self.pop::<I>())
+        match nearest {
+            Some((key, rays)) => Some((key as u32, rays)),
+            None => self.pop::<I>(),
+        }
     }
 
     #[inline(always)]
@@ -290,8 +207,8 @@ impl Packet {
     /// A bit for each ray that enters a child.
     #[inline(always)]
     fn slabs<I: Isa>(&self, node: &Node, slot: usize) -> u32 {
-        let inverses = load::<I::Sixteen>(&self.inverses);
-        let (near, far) = (load::<I::Sixteen>(&self.near), load::<I::Sixteen>(&self.far));
+        let inverses = load::<I::Sixteen>(&self.bundle.inverses);
+        let (near, far) = (load(&self.bundle.near), load(&self.bundle.far));
         let mut enter = I::Sixteen::splat(0.0);
         let mut leave = I::Sixteen::load(&self.limits);
         for k in 0..3 {
@@ -318,7 +235,7 @@ impl Packet {
     #[inline(always)]
     fn leaf<I: Isa>(&mut self, tree: &Tree, block: &Block, mask: u32) {
         let triangles = Triangles::from::<I>(block, self.start);
-        let directions = load::<I::Sixteen>(&self.directions);
+        let directions = load::<I::Sixteen>(&self.bundle.directions);
         for i in 0..WIDTH {
             if block.extent[i] < 0.0 {
                 break;
@@ -335,7 +252,7 @@ impl Packet {
     #[inline(always)]
     fn decide<I: Isa>(&mut self, tree: &Tree, triangle: usize, mut candidates: u32) {
         let triangle = &tree.exact[triangle];
-        let id = i64::from(triangle.id);
+        let id = triangle.id();
         if candidates.count_ones() > FEW_CANDIDATES
             && let Some(axes) = self.axes
             && let Some(depths) =
@@ -347,7 +264,7 @@ impl Packet {
                 let is_before = (new < old) | ((new == old) & (id < self.triangles[i]));
                 self.ranges[i] = if is_before { new } else { old };
                 self.triangles[i] = if is_before { id } else { self.triangles[i] };
-                positions[i] = self.ranges[i] * self.scales[i];
+                positions[i] = self.ranges[i] * self.bundle.scales[i];
             }
             let reach = I::Sixteen::splat(8.0 * ULP * self.start.reach);
             let limits = I::Sixteen::narrow(&positions) + reach;
@@ -364,7 +281,8 @@ impl Packet {
                 if hit.is_before(self.hit(i)) {
                     self.ranges[i] = range;
                     self.triangles[i] = id;
-                    let limit = (range * self.scales[i]) as f32 + 8.0 * ULP * self.start.reach;
+                    let limit =
+                        (range * self.bundle.scales[i]) as f32 + 8.0 * ULP * self.start.reach;
                     self.limits[i] = self.limits[i].min(limit);
                 }
             }
@@ -380,14 +298,7 @@ impl Packet {
         for flight in &mut *flights {
             let i = rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            let ray = Ray::ready(
-                self.start,
-                lane(&self.directions, i),
-                lane(&self.inverses, i),
-                [lane(&self.near, i), lane(&self.far, i)],
-                self.limits[i],
-                self.scales[i],
-            );
+            let ray = self.bundle.ray(i, self.start, self.limits[i]);
             let (exact, hit) = (self.exact(i), self.hit(i));
             flight.restart(tree, ray, exact, hit, child);
         }

@@ -2,7 +2,7 @@
 
 #![allow(clippy::inline_always)]
 // Lazy operators would be branches.
-#![allow(clippy::needless_bitwise_bool)]
+#![allow(clippy::needless_bitwise_bool, clippy::needless_range_loop)]
 
 use super::caster::Hit;
 use crate::Vector;
@@ -15,6 +15,9 @@ pub trait Query {
 
     /// Of any length.
     fn direction(&self, row: usize) -> Vector;
+
+    /// The origins of some rows, by axis.
+    fn origins<const N: usize>(&self, rows: [u32; N]) -> [[f64; N]; 3];
 
     /// The directions of some rows, by axis.
     fn directions<const N: usize>(&self, rows: [u32; N]) -> [[f64; N]; 3];
@@ -64,6 +67,11 @@ impl Query for Rays<'_> {
     }
 
     #[inline(always)]
+    fn origins<const N: usize>(&self, rows: [u32; N]) -> [[f64; N]; 3] {
+        by_axis(self.origins, rows)
+    }
+
+    #[inline(always)]
     fn directions<const N: usize>(&self, rows: [u32; N]) -> [[f64; N]; 3] {
         by_axis(self.directions, rows)
     }
@@ -78,7 +86,11 @@ impl Query for Rays<'_> {
 /// Some rows of vectors, by axis.
 #[inline(always)]
 pub fn by_axis<const N: usize>(vectors: &[Vector], rows: [u32; N]) -> [[f64; N]; 3] {
-    [0, 1, 2].map(|k| rows.map(|row| vectors[row as usize][k]))
+    let (mut x, mut y, mut z) = ([0.0; N], [0.0; N], [0.0; N]);
+    for i in 0..N {
+        [x[i], y[i], z[i]] = vectors[rows[i] as usize];
+    }
+    [x, y, z]
 }
 
 /// Whether a square of a length is 1 but for rounding.

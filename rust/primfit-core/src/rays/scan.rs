@@ -171,6 +171,12 @@ impl Query for Part<'_> {
     }
 
     #[inline(always)]
+    fn origins<const N: usize>(&self, _: [u32; N]) -> [[f64; N]; 3] {
+        let [x, y, z] = self.origin(0);
+        [[x; N], [y; N], [z; N]]
+    }
+
+    #[inline(always)]
     fn directions<const N: usize>(&self, rows: [u32; N]) -> [[f64; N]; 3] {
         let [x, y, z] = by_axis(self.beams, rows);
         let mut turned = [[0.0; N]; 3];

@@ -2,6 +2,7 @@
 
 // Lazy operators would be branches.
 #![allow(clippy::needless_bitwise_bool)]
+#![allow(clippy::inline_always)]
 
 use crate::Vector;
 
@@ -66,8 +67,11 @@ pub fn tasks(origins: &[Vector], directions: &[Vector], largest_tile: f64) -> Op
 /// How many vectors are like the first.
 fn run_of_one(vectors: &[Vector]) -> usize {
     const TOGETHER: usize = 8;
+    if vectors.get(1) != Some(&vectors[0]) {
+        return 1;
+    }
     let first = [vectors[0]; TOGETHER];
-    let mut n = 1;
+    let mut n = 2;
     // Without a way out within a chunk, its numbers are compared as whole vectors.
     while let Some(chunk) = vectors[n..].first_chunk::<TOGETHER>()
         && chunk[0] == first[0]
@@ -140,6 +144,7 @@ impl Tiles {
     }
 
     /// Rows of the rays of a tile, and how many they are; the others repeat the first.
+    #[inline(always)]
     pub fn tile(self, tile: usize, n: usize) -> ([u32; RAYS], usize) {
         let across = self.pitch.div_ceil(self.width);
         let first = tile / across * self.band();
@@ -147,7 +152,7 @@ impl Tiles {
         let start = first + column;
         let last = start + self.steps[RAYS - 1] as usize;
         if column + self.width <= self.pitch && last < n {
-            return (self.steps.map(|step| start as u32 + step), RAYS);
+            return (std::array::from_fn(|i| start as u32 + self.steps[i]), RAYS);
         }
         let mut rows = [start as u32; RAYS];
         let mut count = 0;

@@ -4,8 +4,11 @@
 //! and triangles are float32 there. Beside them are the triangles as they came, in float64, in
 //! the order of the leaves.
 
+#![allow(clippy::inline_always)]
+
 use super::memory::with_room;
 use super::split::{Part, Range, split};
+use super::triangle::Corners;
 use crate::Vector;
 use rayon::prelude::*;
 
@@ -42,9 +45,29 @@ pub struct Block {
 
 /// A triangle as it came.
 #[derive(Clone, Copy)]
+#[repr(C, align(32))]
 pub struct Exact {
-    pub corners: [Vector; 3],
-    pub id: u32,
+    /// Fourth on the first axis is its row.
+    pub corners: Corners,
+}
+
+impl Exact {
+    fn new(corners: [Vector; 3], id: u32) -> Self {
+        let [a, b, c] = corners;
+        let mut corners = [0, 1, 2].map(|k| [a[k], b[k], c[k], a[k]]);
+        corners[0][3] = f64::from(id);
+        Self { corners }
+    }
+
+    /// The row of the triangle.
+    #[inline(always)]
+    pub fn id(&self) -> i64 {
+        self.corners[0][3] as i64
+    }
+
+    fn corner(&self, i: usize) -> Vector {
+        [0, 1, 2].map(|k| self.corners[k][i])
+    }
 }
 
 /// From the coordinates of the scene to those of the tree.
@@ -108,7 +131,7 @@ impl Tree {
         parts
             .par_iter()
             .with_min_len(PARALLEL)
-            .map(|part| Exact { corners: corners(part.id), id: part.id })
+            .map(|part| Exact::new(corners(part.id), part.id))
             .collect_into_vec(&mut exact);
         let mut blocks = with_room(branch.leaves.len());
         branch
@@ -141,7 +164,7 @@ impl Block {
             first,
         };
         for (lane, triangle) in exact[first as usize..][..count as usize].iter().enumerate() {
-            let [a, b, c] = triangle.corners;
+            let [a, b, c] = [0, 1, 2].map(|i| triangle.corner(i));
             let vertex = frame.place(a);
             // Below it, squares leave the range of float32; a wider margin does no harm.
             let mut extent = 1e-12_f32;
