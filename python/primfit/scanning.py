@@ -82,8 +82,9 @@ def scan(
     rng = np.random.default_rng(rng)
     caster = RayCaster(world)._core
     n_jobs = n_jobs_or_none(n_jobs)
-    layers, columns, _ = lidar.directions.shape
-    beams = lidar.directions.reshape(-1, 3)
+    directions = lidar.directions
+    layers, columns, _ = directions.shape
+    beams = directions.reshape(-1, 3)
     transforms = np.ascontiguousarray(poses[valid].reshape(-1, 16))
     gate = (lidar.min_range, lidar.max_range, lidar.noise * lidar.max_range, lidar.resolution)
     n_poses, n_beams = len(transforms), len(beams)

@@ -44,7 +44,7 @@ proptest! {
         let low = [offset; 3];
         let high = low.map(|x| x + scale);
         let (vertices, triangles) = cuboid(low, high);
-        let caster = RayCaster::new(&vertices, &triangles).unwrap();
+        let caster = RayCaster::new(&vertices, &triangles, &workers(1)).unwrap();
         let triangle = triangles[edge];
         let origin: Vector =
             std::array::from_fn(|k| low[k] + (0.05 + 0.9 * inside[k]) * (high[k] - low[k]));
@@ -138,7 +138,7 @@ fn hits_are_those_of_parry() {
     let indices = triangles.iter().map(|triangle| triangle.map(|vertex| vertex as u32)).collect();
     let mesh = TriMesh::new(vertices.iter().map(|&vertex| vertex.into()).collect(), indices);
     let mesh = mesh.unwrap();
-    let caster = RayCaster::new(&vertices, &triangles).unwrap();
+    let caster = RayCaster::new(&vertices, &triangles, &workers(1)).unwrap();
     let mut n_hits = 0;
     // Away from edges, through which parry's rays may leak.
     for i in 0..1000 {
@@ -177,7 +177,7 @@ fn a_wall_seen_along_beams_is_fitted_exactly() {
 
 #[test]
 fn triangles_must_name_vertices() {
-    let error = RayCaster::new(&[[0.0; 3]], &[[0, 0, 1]]).err();
+    let error = RayCaster::new(&[[0.0; 3]], &[[0, 0, 1]], &workers(1)).err();
     assert_eq!(error, Some(Error::VertexOutOfRange { triangle: 0, vertex: 1, n_vertices: 1 }));
 }
 
@@ -190,7 +190,7 @@ fn a_caller_can_stop_between_chunks() {
     };
     let workers = Workers::new(None, &go_on).unwrap();
     let (vertices, triangles) = cuboid([0.0; 3], [1.0; 3]);
-    let caster = RayCaster::new(&vertices, &triangles).unwrap();
+    let caster = RayCaster::new(&vertices, &triangles, &workers).unwrap();
     let rays = vec![[0.5; 3]; 1 << 20];
     assert_eq!(caster.cast(&rays, &rays, &workers).err(), Some(Error::Stopped));
     assert_eq!(asked.get(), 3);

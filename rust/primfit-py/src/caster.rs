@@ -30,15 +30,13 @@ impl RayCaster {
         if let Some(names) = &names {
             same_length("names", names.len(), "triangles", triangles.len())?;
         }
-        py.detach(|| {
-            let caster = primfit_core::RayCaster::new(vertices, triangles)?;
-            Ok(match names {
-                Some(names) => caster.named(names),
-                None => caster,
-            })
-        })
-        .map(Self)
-        .map_err(door::to_python)
+        let caster = door::enter(py, None, |workers| {
+            primfit_core::RayCaster::new(vertices, triangles, workers)
+        })?;
+        Ok(Self(match names {
+            Some(names) => caster.named(names),
+            None => caster,
+        }))
     }
 
     fn __len__(&self) -> usize {

@@ -12,6 +12,7 @@ use super::tree::Tree;
 use super::triangle::ShearedRay;
 use super::walk;
 use crate::instructions::{Instructions, for_each_set};
+use crate::workers::Stop;
 use crate::{Error, Vector, Workers};
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -19,6 +20,8 @@ use std::f64::consts::PI;
 
 /// Rays between two questions to the caller.
 const CHUNK: usize = 1 << 16;
+/// Triangles that are ready before a caller who wants to stop would notice.
+const FEW: usize = 1 << 12;
 /// Expected triangles in a tile above which its rays have little in common.
 const IN_TILE: f64 = 500.0;
 
@@ -75,8 +78,13 @@ pub struct RayCaster {
 
 impl RayCaster {
     /// # Errors
-    /// [`Error::VertexOutOfRange`] when a triangle names a vertex that does not exist.
-    pub fn new(vertices: &[Vector], triangles: &[[i64; 3]]) -> Result<Self, Error> {
+    /// [`Error::VertexOutOfRange`] when a triangle names a vertex that does not exist,
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn new(
+        vertices: &[Vector],
+        triangles: &[[i64; 3]],
+        workers: &Workers,
+    ) -> Result<Self, Error> {
         let n_vertices = vertices.len();
         for (triangle, corners) in triangles.iter().enumerate() {
             for &vertex in corners {
@@ -85,11 +93,12 @@ impl RayCaster {
                 }
             }
         }
-        Ok(Self {
-            tree: Tree::new(vertices, triangles),
-            names: None,
-            instructions: Instructions::best(),
-        })
+        let tree = if triangles.len() <= FEW {
+            Tree::new(vertices, triangles, &Stop::default())
+        } else {
+            workers.watch(|stop| Tree::new(vertices, triangles, stop))
+        }?;
+        Ok(Self { tree, names: None, instructions: Instructions::best() })
     }
 
     /// The same, but hits of many rays are called by the name of their triangle.

@@ -4,8 +4,8 @@
 
 use super::caster::{Hit, RayCaster, Way, cast_at_all};
 use super::query::{Rays, unit};
-use crate::Vector;
 use crate::instructions::Instructions;
+use crate::{Vector, Workers};
 use proptest::prelude::*;
 
 /// Numbers in -1..1 that follow from a seed.
@@ -94,9 +94,13 @@ fn target(numbers: &mut Numbers, (vertices, triangles): &Mesh) -> Vector {
     std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
 }
 
+fn ready((vertices, triangles): &Mesh) -> RayCaster {
+    RayCaster::new(vertices, triangles, &Workers::new(None, &|| true).unwrap()).unwrap()
+}
+
 /// What all instruction sets find on every way; they must agree to the bit.
 fn cast_everywhere(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Vec<Hit> {
-    let mut caster = RayCaster::new(&mesh.0, &mesh.1).unwrap();
+    let mut caster = ready(mesh);
     let mut found: Option<Vec<Hit>> = None;
     for instructions in Instructions::available() {
         caster.use_instructions(instructions);
@@ -128,7 +132,7 @@ fn cast_everywhere(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Ve
 }
 
 fn cast_brute(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Vec<Hit> {
-    let caster = RayCaster::new(&mesh.0, &mesh.1).unwrap();
+    let caster = ready(mesh);
     let rays = origins.iter().zip(directions);
     rays.map(|(&origin, &direction)| cast_at_all(caster.tree(), origin, unit(direction).unwrap()))
         .collect()

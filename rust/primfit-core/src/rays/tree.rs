@@ -9,7 +9,8 @@
 use super::memory::with_room;
 use super::split::{Part, Range, split};
 use super::triangle::Corners;
-use crate::Vector;
+use crate::workers::Stop;
+use crate::{Error, Vector};
 use rayon::prelude::*;
 
 /// Children of a node, triangles of a leaf.
@@ -114,7 +115,10 @@ pub struct Tree {
 
 impl Tree {
     /// `triangles` must name vertices that exist.
-    pub fn new(vertices: &[Vector], triangles: &[[i64; 3]]) -> Self {
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn new(vertices: &[Vector], triangles: &[[i64; 3]], stop: &Stop) -> Result<Self, Error> {
         let corners = |id: u32| triangles[id as usize].map(|vertex| vertices[vertex as usize]);
         let ids = 0..triangles.len() as u32;
         let frame = Frame::around(ids.clone().flat_map(corners));
@@ -125,7 +129,8 @@ impl Tree {
             .collect();
         let mut branch = Branch::default();
         if !parts.is_empty() {
-            branch.grow(Range::all(&parts), &mut parts, 0);
+            stop.check()?;
+            branch.grow(Range::all(&parts), &mut parts, 0, stop)?;
         }
         let mut exact = with_room(parts.len());
         parts
@@ -133,6 +138,7 @@ impl Tree {
             .with_min_len(PARALLEL)
             .map(|part| Exact::new(corners(part.id), part.id))
             .collect_into_vec(&mut exact);
+        stop.check()?;
         let mut blocks = with_room(branch.leaves.len());
         branch
             .leaves
@@ -140,9 +146,10 @@ impl Tree {
             .with_min_len(PARALLEL / WIDTH)
             .map(|&(first, count)| Block::new(frame, &exact, first, count))
             .collect_into_vec(&mut blocks);
+        stop.check()?;
         let mut nodes = with_room(branch.nodes.len());
         nodes.append(&mut branch.nodes);
-        Self { frame, nodes, blocks, exact }
+        Ok(Self { frame, nodes, blocks, exact })
     }
 }
 
@@ -190,7 +197,14 @@ struct Branch {
 
 impl Branch {
     /// Appends the node over `range`; `parts` begin where the range does.
-    fn grow(&mut self, range: Range, parts: &mut [Part], depth: u32) {
+    fn grow(
+        &mut self,
+        range: Range,
+        parts: &mut [Part],
+        depth: u32,
+        stop: &Stop,
+    ) -> Result<(), Error> {
+        stop.check()?;
         let mut children = vec![range];
         while children.len() < WIDTH {
             let widest = (0..children.len())
@@ -220,22 +234,23 @@ impl Branch {
         if grown.iter().map(|(_, child, _)| child.len()).sum::<usize>() < PARALLEL {
             for (slot, child, parts) in grown {
                 self.nodes[row].children[slot] = self.nodes.len() as u32;
-                self.grow(child, parts, depth + 1);
+                self.grow(child, parts, depth + 1, stop)?;
             }
-            return;
+            return Ok(());
         }
-        let branches: Vec<(usize, Self)> = grown
+        let branches = grown
             .into_par_iter()
             .map(|(slot, child, parts)| {
                 let mut branch = Self::default();
-                branch.grow(child, parts, depth + 1);
-                (slot, branch)
+                branch.grow(child, parts, depth + 1, stop)?;
+                Ok((slot, branch))
             })
-            .collect();
+            .collect::<Result<Vec<_>, Error>>()?;
         for (slot, branch) in branches {
             self.nodes[row].children[slot] = self.nodes.len() as u32;
             self.append(branch);
         }
+        Ok(())
     }
 
     fn append(&mut self, branch: Self) {
