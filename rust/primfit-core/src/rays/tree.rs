@@ -211,6 +211,7 @@ impl Branch {
                 .filter(|&i| children[i].len() > WIDTH)
                 .max_by(|&i, &j| children[i].area().total_cmp(&children[j].area()));
             let Some(widest) = widest else { break };
+            stop.check()?;
             let child = children[widest].clone();
             let here = child.first - range_start(&children);
             let (left, right) = split(&child, &mut parts[here..here + child.len()], depth);
