@@ -3,7 +3,7 @@
     python benches/performance.py                  all; writes docs/performance.md and .png
     python benches/performance.py --repeat 3 --largest 1000000
 
-Needs the extras `bench` and `plot`. The page is filled in between its markers; what stands around
+Needs Linux and the extras `bench` and `plot`. The page is filled in between its markers; what stands around
 them is written by hand. Answers are compared by the benchmarks of the single kernels (`rays.py`,
 `dbscan.py`, `scoring.py`, `bench.py`); here is only measured.
 """
@@ -14,7 +14,6 @@ import argparse
 import importlib.util
 import multiprocessing
 import re
-import resource
 import sys
 import time
 from collections.abc import Callable
@@ -207,7 +206,8 @@ def measured(name: str, n: int) -> tuple[list[float], float]:
     """Best wall seconds at each number of threads, and megabytes above those of the input."""
     prepare, *_ = CURVES[name]
     call = prepare(n)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    Path("/proc/self/clear_refs").write_text("5")  # forgets the peak so far
+    before = resident("VmRSS")
     seconds = []
     for threads in THREADS:
         runs = []
@@ -219,7 +219,13 @@ def measured(name: str, n: int) -> tuple[list[float], float]:
             if runs[-1] > 2.0:
                 break
         seconds.append(min(runs))
-    return seconds, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+    return seconds, resident("VmHWM") - before
+
+
+def resident(field: str) -> float:
+    """Megabytes of this process, by Linux."""
+    status = Path("/proc/self/status").read_text()
+    return int(re.search(rf"{field}:\s+(\d+)", status)[1]) / 1024
 
 
 def draw(largest: int) -> None:
