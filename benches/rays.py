@@ -3,7 +3,7 @@
     python benches/rays.py                        all scenes and beams
     python benches/rays.py --scenes paper city --repeat 5 --threads 2
 
-Needs the extra `bench`. Every round casts with each library in turn; a figure is the median over
+Needs the extra `bench`. embreex offers no packets: it casts one ray after the other. Every round casts with each library in turn; a figure is the median over
 the rounds. Open3D and Embree work in float32, so their ranges may differ by its rounding, and
 rays within rounding of an edge may differ altogether; how many do is printed, and more than one
 in a thousand makes the exit status 1.

@@ -47,11 +47,21 @@ class RayCaster:
                 ids[i : i + step] = np.where(np.isfinite(ranges[i : i + step]), nearest, -1)
         return ranges, self.names[ids]
 
-    def scan(self, poses, beams, n_jobs=None):
-        transforms = poses.reshape(-1, 4, 4)
-        directions = np.einsum("pij,bj->pbi", transforms[:, :3, :3], beams).reshape(-1, 3)
-        origins = np.repeat(transforms[:, :3, 3], len(beams), axis=0)
-        return directions, *self.cast(origins, directions)
+    def scan(self, poses, beams, gate, noise, points, ranges, ids, n_jobs=None):
+        low, high, sigma, resolution = gate
+        directions = turned(poses, beams)
+        origins = np.repeat(poses[:, [3, 7, 11]], len(beams), axis=0)
+        true, ids[:] = self.cast(origins, directions)
+        measured = true + sigma * (noise if len(noise) else 0.0)
+        if resolution > 0:
+            measured = np.rint(measured / resolution) * resolution
+        ranges[:] = np.where((true >= low) & (true <= high), measured, np.inf)
+        points[:] = origins + directions * np.where(ranges < np.inf, ranges, np.nan)[:, None]
+
+
+def turned(poses, beams):
+    rotations = poses.reshape(-1, 4, 4)[:, :3, :3]
+    return np.einsum("pij,bj->pbi", rotations, beams).reshape(-1, 3)
 
 
 def score_planes(points, equations, threshold, directions=None, msac=False, n_jobs=None):
@@ -171,7 +181,7 @@ def fit_plane_to_ranges(points, directions, sigmas, equation, normal_space):
 @contextmanager
 def instead_of_rust() -> Iterator[None]:
     """Let the whole library run on the twins."""
-    twins = [RayCaster, score_planes, dbscan, fit_plane, fit_plane_to_ranges]
+    twins = [RayCaster, turned, score_planes, dbscan, fit_plane, fit_plane_to_ranges]
     rust = {twin.__name__: getattr(_primfit, twin.__name__) for twin in twins}
     try:
         for twin in twins:

@@ -81,6 +81,10 @@ def test_empty_arrays_keep_their_shape():
             "directions must not be zero",
         ),
         (
+            lambda: primfit.RayCaster(SQUARE).cast_beams([np.zeros((4, 4))], DOWN),
+            "directions must not be zero",
+        ),
+        (
             lambda: _primfit.RayCaster(np.array(SQUARE[0]), np.array(SQUARE[1]), np.array([1])),
             "names must have as many rows as triangles",
         ),
@@ -159,6 +163,18 @@ def test_ctrl_c_stops_a_long_call():
     timer.start()
     with pytest.raises(KeyboardInterrupt):
         slow_call()
+    timer.join()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_ctrl_c_stops_the_building_of_a_caster():
+    rng = np.random.default_rng(0)
+    vertices = rng.uniform(size=(300_000, 3))
+    triangles = rng.integers(0, len(vertices), (3_000_000, 3))
+    timer = threading.Timer(0.5, signal.raise_signal, [signal.SIGINT])
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        primfit.RayCaster((vertices, triangles))
     timer.join()
 
 

@@ -178,6 +178,16 @@ class TestRays:
         ranges, _ = caster.cast([[0.5, 0.4, 0.3], [0.0, 0.4, 0.3]], [[1, 0, 0], [-1, 0, 0]])
         np.testing.assert_array_equal(ranges, [0.5, 0.0])
 
+    def test_a_ray_within_a_face_passes_it(self):
+        caster = primfit.RayCaster(
+            ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+        )
+        directions = [[1, 0, 0], [1, 1, 0], [0.3, -0.7, 0]]
+        for origin in ([-1, 0.5, 0], [0.5, 0.5, 0], [0, 0, 0]):
+            ranges, ids = caster.cast(np.tile(origin, (3, 1)), directions)
+            assert (ids == -1).all()
+            assert np.isinf(ranges).all()
+
     def test_length_of_directions_does_not_matter(self):
         caster = primfit.RayCaster(box())
         directions = np.outer([1e-200, 1.0, 1e200], [1.0, 0.1, 0.2])

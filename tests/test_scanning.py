@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import warnings
 
 import numpy as np
@@ -89,6 +90,19 @@ class TestScan:
         np.testing.assert_array_equal(scan.layer[:200], np.repeat([0, 1], 100))
         np.testing.assert_array_equal(scan.column[:200], np.tile(np.arange(100), 2))
         np.testing.assert_array_equal(scan.pose_index[:800], 0)
+
+    def test_what_follows_from_the_path_is_made_when_asked_for(self, world):
+        path = primfit.grid_path(world, 0.5, rng=1)
+        asked, unasked = (primfit.scan(world, path, rng=1) for _ in range(2))
+        fields = ("origins", "directions", "layer", "column", "pose_index")
+        arrays = [getattr(asked, name) for name in fields]
+        assert all(
+            getattr(asked, name) is array for name, array in zip(fields, arrays, strict=True)
+        )
+        for copy in (pickle.loads(pickle.dumps(unasked)), unasked.select(np.arange(len(unasked)))):
+            for name, array in zip(fields, arrays, strict=True):
+                assert not array.flags.writeable
+                np.testing.assert_array_equal(getattr(copy, name), array)
 
     def test_points_are_where_the_beams_end(self, scan):
         rows = scan.is_return

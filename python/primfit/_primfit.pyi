@@ -13,6 +13,7 @@ __all__ = [
     "fit_plane",
     "fit_plane_to_ranges",
     "score_planes",
+    "turned",
 ]
 
 @final
@@ -65,8 +66,13 @@ class RayCaster:
         self,
         poses: NDArray[np.float64],
         beams: NDArray[np.float64],
+        gate: Sequence[float],
+        noise: NDArray[np.float64],
+        points: NDArray[np.float64],
+        ranges: NDArray[np.float64],
+        ids: NDArray[np.int64],
         n_jobs: int | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]: ...
+    ) -> None: ...
 
 @final
 class PointTree:
@@ -125,3 +131,4 @@ def score_planes(
     msac: bool = False,
     n_jobs: int | None = None,
 ) -> NDArray[np.float64]: ...
+def turned(poses: NDArray[np.float64], beams: NDArray[np.float64]) -> NDArray[np.float64]: ...

@@ -30,7 +30,7 @@ class RayCaster:
     IRT 2008, and Wald: Fast Construction of SAH-based Bounding Volume Hierarchies, RT 2007). Rays
     that share their origin and are neighbours in direction and in the arrays, as the beams of a
     lidar are, go through it together and are several times as fast. A mesh of a million triangles
-    takes about 150 MB.
+    takes about 165 MB, and 240 MB while it is made ready.
 
     Parameters
     ----------
@@ -142,8 +142,12 @@ class RayCaster:
         transforms = np.asarray(poses)
         if transforms.ndim != 3 or transforms.shape[1:] != (4, 4):
             raise ValueError(f"poses must have shape (p, 4, 4), not {transforms.shape}")
-        rows = as_rows("poses", transforms.reshape(-1, 16), 16)
-        return self._core.scan(rows, as_rows("beams", beams, 3), n_jobs_or_none(n_jobs))
+        rows, beams = as_rows("poses", transforms.reshape(-1, 16), 16), as_rows("beams", beams, 3)
+        n = len(rows) * len(beams)
+        out = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
+        exact = (0.0, np.inf, 0.0, 0.0)
+        self._core.scan(rows, beams, exact, np.empty(0), *out, n_jobs_or_none(n_jobs))
+        return _primfit.turned(rows, beams), *out[1:]
 
     def __repr__(self) -> str:
         return f"RayCaster({len(self._core)} triangles)"

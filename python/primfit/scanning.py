@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
-from primfit._check import Bools, Floats, check_finite, frozen, instance
+from primfit import _primfit
+from primfit._check import Bools, Floats, check_finite, frozen, instance, n_jobs_or_none
 from primfit.casting import RayCaster
 from primfit.scans import Scan
 from primfit.sensors import Lidar, check_transforms
@@ -52,8 +54,8 @@ def scan(
     Returns
     -------
     Scan
-        One row a beam: pose by pose, layer by layer, column by column. Takes about 140 bytes a
-        beam.
+        One row a beam: pose by pose, layer by layer, column by column. Takes 40 bytes a beam, and
+        72 more when origins, directions and places in the sensor have been asked for.
 
     Raises
     ------
@@ -78,51 +80,38 @@ def scan(
             f"{world!r}"
         )
     rng = np.random.default_rng(rng)
-    caster = RayCaster(world)
-    layers, columns, _ = lidar.directions.shape
-    beams = lidar.directions.reshape(-1, 3)
-    at_once = max(1, _BEAMS_AT_ONCE // len(beams))
-    points, directions, ranges, ids = [], [], [], []
-    with tqdm(total=len(valid), unit="pose", disable=progress is not True) as bar:
-        for first in range(0, len(valid), at_once):
-            some = poses[valid[first : first + at_once]]
-            ways, true, hit = caster.cast_beams(some, beams, n_jobs)
-            measured = _measure(true, lidar, rng)
-            # No return is no point.
-            ends = ways * np.where(measured < np.inf, measured, np.nan)[:, None]
-            ends.reshape(len(some), -1, 3)[...] += some[:, None, :3, 3]
-            points.append(ends)
-            directions.append(ways)
-            ranges.append(measured)
-            ids.append(hit)
+    caster = RayCaster(world)._core
+    n_jobs = n_jobs_or_none(n_jobs)
+    directions = lidar.directions
+    layers, columns, _ = directions.shape
+    beams = directions.reshape(-1, 3)
+    transforms = np.ascontiguousarray(poses[valid].reshape(-1, 16))
+    gate = (lidar.min_range, lidar.max_range, lidar.noise * lidar.max_range, lidar.resolution)
+    n_poses, n_beams = len(transforms), len(beams)
+    n = n_poses * n_beams
+    points, ranges, ids = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
+    at_once = max(1, _BEAMS_AT_ONCE // n_beams)
+    with tqdm(total=n_poses, unit="pose", disable=progress is not True) as bar:
+        for first in range(0, n_poses, at_once):
+            some = transforms[first : first + at_once]
+            rows = slice(first * n_beams, (first + len(some)) * n_beams)
+            noise = rng.normal(size=len(some) * n_beams if lidar.noise else 0)
+            caster.scan(some, beams, gate, noise, points[rows], ranges[rows], ids[rows], n_jobs)
             bar.update(len(some))
             if callable(progress):
-                progress(min(first + at_once, len(valid)), len(valid))
-    grid = (len(valid), layers, columns)
-    arrays = {
-        "points": _joined(points),
-        "origins": np.broadcast_to(poses[valid, None, None, :3, 3], (*grid, 3)).reshape(-1, 3),
-        "directions": _joined(directions),
-        "ranges": _joined(ranges),
-        "layer": np.broadcast_to(np.arange(layers)[:, None], grid).reshape(-1),
-        "column": np.broadcast_to(np.arange(columns), grid).reshape(-1),
-        "pose_index": np.broadcast_to(valid[:, None, None], grid).reshape(-1),
-        "solid_index": _joined(ids),
-    }
-    own = {name: frozen(array) for name, array in arrays.items()}
-    return Scan(**own, sigma=lidar.sigma, max_range=lidar.max_range)
-
-
-def _joined(parts: list[Any]) -> Any:
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
-
-
-def _measure(true: Floats, lidar: Lidar, rng: np.random.Generator) -> Floats:
-    noise = rng.normal(size=len(true)) if lidar.noise else 0.0
-    measured = true + lidar.noise * lidar.max_range * noise
-    if lidar.resolution > 0.0:
-        measured = np.rint(measured / lidar.resolution) * lidar.resolution
-    return np.where((true >= lidar.min_range) & (true <= lidar.max_range), measured, np.inf)
+                progress(first + len(some), n_poses)
+    return Scan(
+        points=frozen(points),
+        origins=partial(np.repeat, transforms[:, [3, 7, 11]], n_beams, axis=0),
+        directions=partial(_primfit.turned, transforms, beams),
+        ranges=frozen(ranges),
+        layer=partial(np.tile, np.repeat(np.arange(layers), columns), n_poses),
+        column=partial(np.tile, np.arange(columns), n_poses * layers),
+        pose_index=partial(np.repeat, valid, n_beams),
+        solid_index=frozen(ids),
+        sigma=lidar.sigma,
+        max_range=lidar.max_range,
+    )
 
 
 def _as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, bool]:

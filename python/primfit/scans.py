@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit._check import Bools, Floats, Ints, as_column, as_rows, check_finite, frozen, number
+from primfit._later import Later
 from primfit.casting import unit_rows
 
 if TYPE_CHECKING:
@@ -49,21 +50,23 @@ class Scan:
     """
 
     points: Floats
-    origins: Floats
-    directions: Floats
+    origins: Later[Floats] = Later()  # noqa: RUF009
+    directions: Later[Floats] = Later()  # noqa: RUF009
     ranges: Floats
-    layer: Ints | None = None
-    column: Ints | None = None
-    pose_index: Ints | None = None
+    layer: Later[Ints | None] = Later(None)  # noqa: RUF009
+    column: Later[Ints | None] = Later(None)  # noqa: RUF009
+    pose_index: Later[Ints | None] = Later(None)  # noqa: RUF009
     solid_index: Ints | None = None
     sigma: float | Floats | None = None
     max_range: float | None = None
 
     def __post_init__(self) -> None:
         for name in (*_ARRAYS, *_INDICES):
-            array = getattr(self, name)
+            array = vars(self)[name]
             # What nobody can write to need not be copied.
-            if array is not None and (not isinstance(array, np.ndarray) or array.flags.writeable):
+            if callable(array) or array is None:
+                continue
+            if not isinstance(array, np.ndarray) or array.flags.writeable:
                 object.__setattr__(self, name, frozen(np.array(array)))
         if isinstance(self.sigma, np.ndarray):
             object.__setattr__(self, "sigma", frozen(np.array(self.sigma)))

@@ -7,6 +7,7 @@
 //! low-dimensional Euclidean spaces, ISAAC 2017).
 
 mod components;
+mod crowd;
 mod dense;
 mod grid;
 mod hulls;

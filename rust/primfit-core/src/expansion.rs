@@ -9,8 +9,8 @@
 #![allow(clippy::needless_bitwise_bool)]
 
 use crate::beams::{BLOCK, BeamBlocks, Block, LANES, Real, Walls};
+use crate::instructions::widest;
 use crate::likelihood::Candidate;
-use crate::simd::widest;
 
 /// Cost of a prism and how it changes with its corners.
 pub struct Expansion {

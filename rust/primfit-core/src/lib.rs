@@ -23,7 +23,6 @@ mod regions;
 mod roughness;
 mod scoring;
 mod segmentation;
-mod simd;
 mod spread;
 mod workers;
 
@@ -36,7 +35,7 @@ pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
 pub use likelihood::{Candidate, prism_costs, wall_depths};
 pub use neighbors::{Neighbor, PointTree};
 pub use normals::LocalPlane;
-pub use rays::{Hit, Hits, RayCaster, Transform};
+pub use rays::{Gate, Hits, RayCaster, Readings, Transform, turned};
 pub use scoring::{Score, score_planes};
 pub use segmentation::segment;
 pub use workers::Workers;

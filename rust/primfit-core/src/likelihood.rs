@@ -1,7 +1,7 @@
 //! How well upright prisms explain the ranges of many beams.
 
 use crate::beams::{BLOCK, BeamBlocks, Block, LANES, Real, Walls};
-use crate::simd::widest;
+use crate::instructions::widest;
 use crate::{Error, Workers};
 use rayon::prelude::*;
 

@@ -44,7 +44,7 @@ proptest! {
         let low = [offset; 3];
         let high = low.map(|x| x + scale);
         let (vertices, triangles) = cuboid(low, high);
-        let caster = RayCaster::new(&vertices, &triangles).unwrap();
+        let caster = RayCaster::new(&vertices, &triangles, &workers(1)).unwrap();
         let triangle = triangles[edge];
         let origin: Vector =
             std::array::from_fn(|k| low[k] + (0.05 + 0.9 * inside[k]) * (high[k] - low[k]));
@@ -52,10 +52,11 @@ proptest! {
             let a = vertices[triangle[side] as usize];
             let b = vertices[triangle[(side + 1) % 3] as usize];
             let target: Vector = std::array::from_fn(|k| a[k] + along * (b[k] - a[k]));
-            let direction = std::array::from_fn(|k| target[k] - origin[k]);
-            let hit = caster.cast_one(origin, direction);
-            prop_assert!(hit.triangle >= 0);
-            prop_assert!((hit.range - 1.0).abs() < 1e-6);
+            let direction: Vector = std::array::from_fn(|k| target[k] - origin[k]);
+            let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let hits = caster.cast(&[origin], &[direction], &workers(1)).unwrap();
+            prop_assert!(hits.ids[0] >= 0);
+            prop_assert!((hits.ranges[0] / length - 1.0).abs() < 1e-6);
         }
     }
 
@@ -137,17 +138,19 @@ fn hits_are_those_of_parry() {
     let indices = triangles.iter().map(|triangle| triangle.map(|vertex| vertex as u32)).collect();
     let mesh = TriMesh::new(vertices.iter().map(|&vertex| vertex.into()).collect(), indices);
     let mesh = mesh.unwrap();
-    let caster = RayCaster::new(&vertices, &triangles).unwrap();
+    let caster = RayCaster::new(&vertices, &triangles, &workers(1)).unwrap();
     let mut n_hits = 0;
     // Away from edges, through which parry's rays may leak.
     for i in 0..1000 {
         let [s, t] = [f64::from(i % 37) / 36.0, f64::from(i % 41) / 40.0];
         let origin = [4.0 * s - 2.013, 5.0 * t - 3.017, 0.9 * s + 1.1 * t - 1.0];
-        let direction = [0.31 - s, 0.27 - t, s * t + 0.1];
-        let hit = caster.cast_one(origin, direction);
-        let ray = Ray::new(origin.into(), direction.into());
+        let direction: Vector = [0.31 - s, 0.27 - t, s * t + 0.1];
+        let hits = caster.cast(&[origin], &[direction], &workers(1)).unwrap();
+        let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let ray = Ray::new(origin.into(), direction.map(|x| x / length).into());
         let range = mesh.cast_local_ray(&ray, f64::MAX, false).unwrap_or(f64::INFINITY);
-        assert!(hit.range == range || (hit.range - range).abs() < 1e-9, "row {i}");
+        let found = hits.ranges[0];
+        assert!(found == range || (found - range).abs() < 1e-9, "row {i}");
         n_hits += i32::from(range.is_finite());
     }
     assert!((200..1000).contains(&n_hits));
@@ -174,7 +177,7 @@ fn a_wall_seen_along_beams_is_fitted_exactly() {
 
 #[test]
 fn triangles_must_name_vertices() {
-    let error = RayCaster::new(&[[0.0; 3]], &[[0, 0, 1]]).err();
+    let error = RayCaster::new(&[[0.0; 3]], &[[0, 0, 1]], &workers(1)).err();
     assert_eq!(error, Some(Error::VertexOutOfRange { triangle: 0, vertex: 1, n_vertices: 1 }));
 }
 
@@ -187,7 +190,7 @@ fn a_caller_can_stop_between_chunks() {
     };
     let workers = Workers::new(None, &go_on).unwrap();
     let (vertices, triangles) = cuboid([0.0; 3], [1.0; 3]);
-    let caster = RayCaster::new(&vertices, &triangles).unwrap();
+    let caster = RayCaster::new(&vertices, &triangles, &workers).unwrap();
     let rays = vec![[0.5; 3]; 1 << 20];
     assert_eq!(caster.cast(&rays, &rays, &workers).err(), Some(Error::Stopped));
     assert_eq!(asked.get(), 3);

@@ -1,6 +1,6 @@
 //! Arrays as slices of rows, and back.
 
-use numpy::{Element, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{Element, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -9,17 +9,33 @@ pub fn rows<'a, T: Element, const N: usize>(
     name: &str,
     array: &'a PyReadonlyArray2<T>,
 ) -> PyResult<&'a [[T; N]]> {
-    let shape = array.shape();
-    if shape[1] != N {
-        return Err(PyValueError::new_err(format!(
-            "{name} must have shape (n, {N}), not ({}, {})",
-            shape[0], shape[1]
-        )));
-    }
-    let flat = array
-        .as_slice()
-        .map_err(|_| PyValueError::new_err(format!("{name} must be C-contiguous")))?;
+    check_width(name, array.shape(), N)?;
+    let flat = array.as_slice().map_err(|_| not_contiguous(name))?;
     Ok(flat.as_chunks().0)
+}
+
+/// The same, to be written to.
+pub fn rows_mut<'a, T: Element, const N: usize>(
+    name: &str,
+    array: &'a mut PyReadwriteArray2<T>,
+) -> PyResult<&'a mut [[T; N]]> {
+    check_width(name, array.shape(), N)?;
+    let flat = array.as_slice_mut().map_err(|_| not_contiguous(name))?;
+    Ok(flat.as_chunks_mut().0)
+}
+
+fn check_width(name: &str, shape: &[usize], width: usize) -> PyResult<()> {
+    if shape[1] == width {
+        return Ok(());
+    }
+    Err(PyValueError::new_err(format!(
+        "{name} must have shape (n, {width}), not ({}, {})",
+        shape[0], shape[1]
+    )))
+}
+
+fn not_contiguous(name: &str) -> PyErr {
+    PyValueError::new_err(format!("{name} must be C-contiguous"))
 }
 
 /// Says which argument is not as long as the first.

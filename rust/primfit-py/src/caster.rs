@@ -1,12 +1,15 @@
 //! Ray casting.
 
-use crate::arrays::{rows, same_length};
+use crate::arrays::{rows, rows_mut, same_length};
 use crate::door;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadwriteArray1, PyReadwriteArray2,
+};
+use primfit_core::{Gate, Readings};
 use pyo3::prelude::*;
 
 type Hits<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
-type Scan<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
 
 /// A triangle mesh ready for rays.
 #[pyclass(frozen, module = "primfit._primfit")]
@@ -27,15 +30,13 @@ impl RayCaster {
         if let Some(names) = &names {
             same_length("names", names.len(), "triangles", triangles.len())?;
         }
-        py.detach(|| {
-            let caster = primfit_core::RayCaster::new(vertices, triangles)?;
-            Ok(match names {
-                Some(names) => caster.named(names),
-                None => caster,
-            })
-        })
-        .map(Self)
-        .map_err(door::to_python)
+        let caster = door::enter(py, None, |workers| {
+            primfit_core::RayCaster::new(vertices, triangles, workers)
+        })?;
+        Ok(Self(match names {
+            Some(names) => caster.named(names),
+            None => caster,
+        }))
     }
 
     fn __len__(&self) -> usize {
@@ -56,20 +57,50 @@ impl RayCaster {
         Ok((hits.ranges.into_pyarray(py), hits.ids.into_pyarray(py)))
     }
 
-    /// Directions, ranges and ids of `beams` (m, 3) from each of `poses` (p, 16).
-    #[pyo3(signature = (poses, beams, n_jobs=None))]
-    fn scan<'py>(
+    /// Fills in where `beams` (m, 3) end from each of `poses` (p, 16), their readings and ids.
+    #[pyo3(signature = (poses, beams, gate, noise, points, ranges, ids, n_jobs=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn scan(
         &self,
-        py: Python<'py>,
+        py: Python,
         poses: PyReadonlyArray2<f64>,
         beams: PyReadonlyArray2<f64>,
+        gate: [f64; 4],
+        noise: PyReadonlyArray1<f64>,
+        mut points: PyReadwriteArray2<f64>,
+        mut ranges: PyReadwriteArray1<f64>,
+        mut ids: PyReadwriteArray1<i64>,
         n_jobs: Option<usize>,
-    ) -> PyResult<Scan<'py>> {
+    ) -> PyResult<()> {
         let (poses, beams) = (rows("poses", &poses)?, rows("beams", &beams)?);
-        let (directions, hits) =
-            door::enter(py, n_jobs, |workers| self.0.scan(poses, beams, workers))?;
-        let n = directions.len();
-        let directions = directions.into_flattened().into_pyarray(py).reshape([n, 3])?;
-        Ok((directions, hits.ranges.into_pyarray(py), hits.ids.into_pyarray(py)))
+        let [min_range, max_range, sigma, resolution] = gate;
+        let gate = Gate { min_range, max_range, sigma, resolution };
+        let noise = noise.as_slice()?;
+        let points = rows_mut("points", &mut points)?;
+        let (ranges, ids) = (ranges.as_slice_mut()?, ids.as_slice_mut()?);
+        let n = poses.len() * beams.len();
+        for (name, length) in
+            [("points", points.len()), ("ranges", ranges.len()), ("ids", ids.len())]
+        {
+            same_length(name, length, "poses x beams", n)?;
+        }
+        if !noise.is_empty() {
+            same_length("noise", noise.len(), "poses x beams", n)?;
+        }
+        let readings = Readings { points, ranges, ids };
+        door::enter(py, n_jobs, |workers| self.0.scan(poses, beams, gate, noise, readings, workers))
     }
+}
+
+/// Unit directions (p * m, 3) in the world of `beams` (m, 3) from each of `poses` (p, 16).
+#[pyfunction]
+pub fn turned<'py>(
+    py: Python<'py>,
+    poses: PyReadonlyArray2<f64>,
+    beams: PyReadonlyArray2<f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (poses, beams) = (rows("poses", &poses)?, rows("beams", &beams)?);
+    let directions = py.detach(|| primfit_core::turned(poses, beams)).map_err(door::to_python)?;
+    let n = directions.len();
+    directions.into_flattened().into_pyarray(py).reshape([n, 3])
 }

@@ -19,7 +19,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _primfit {
     #[pymodule_export]
-    use crate::caster::RayCaster;
+    use crate::caster::{RayCaster, turned};
     #[pymodule_export]
     use crate::clustering::dbscan;
     #[pymodule_export]

@@ -2,8 +2,9 @@
 
 use super::Search;
 use super::components::Components;
+use super::crowd::Surroundings;
 use super::grid::{Column, Grid, Key, Lattice};
-use super::tree::{Node, Sight, Tree};
+use super::tree::Tree;
 use crate::workers::Stop;
 use crate::{Error, Vector};
 use std::ops::Range;
@@ -89,42 +90,21 @@ impl<'s, K: Key> Dense<'s, K> {
         places.iter().any(|&place| tree.has_near(tree.root(), place, self.eps_squared))
     }
 
-    /// Whether enough points of some runs of cells are near, from the bounds of ever smaller boxes.
-    fn is_surrounded(
+    /// All points of some runs of cells, in trees where cells are crowded.
+    fn surroundings(
         &self,
-        place: Vector,
         runs: &[Range<usize>],
         min_samples: usize,
-    ) -> Result<bool, Error> {
-        let cells = &self.grid.cells;
-        let mut count = 0;
-        let mut n_open: usize = runs.iter().map(|run| cells.span(run).len()).sum();
-        let mut boxes: Vec<(&Tree, Node)> = Vec::new();
+    ) -> Result<Surroundings<'_>, Error> {
+        let (mut trees, mut others) = (Vec::new(), Vec::new());
         for cell in runs.iter().cloned().flatten() {
-            if let Some(tree) = self.tree(cell)? {
-                boxes.push((tree, tree.root()));
-            } else {
-                n_open -= cells.points(cell).len();
-                count += self.grid.count_near(place, cells.points(cell), self.eps_squared);
+            match self.tree(cell)? {
+                Some(tree) => trees.push(tree),
+                None => others.push(&self.grid.points[self.grid.cells.points(cell)]),
             }
         }
-        // Large boxes first: the answer is mostly clear before the small ones.
-        let mut at = 0;
-        while count < min_samples && count + n_open >= min_samples {
-            let (tree, node) = boxes[at];
-            at += 1;
-            n_open -= node.len();
-            match tree.look(node, place, self.eps_squared) {
-                Sight::Far => {}
-                Sight::Near => count += node.len(),
-                Sight::Count(n_near) => count += n_near,
-                Sight::Halves(halves) => {
-                    n_open += node.len();
-                    boxes.extend(halves.map(|half| (tree, half)));
-                }
-            }
-        }
-        Ok(count >= min_samples)
+        let (eps_squared, stop) = (self.eps_squared, self.stop);
+        Ok(Surroundings { trees, others, eps_squared, min_samples, stop })
     }
 }
 
@@ -159,9 +139,10 @@ impl<K: Key> Search<K> for Dense<'_, K> {
             if grid.cells.points(cell).len() >= min_samples {
                 is_core.fill(true);
             } else if n_around > MANY {
-                for (is_core, i) in is_core.iter_mut().zip(own) {
-                    *is_core = self.is_surrounded(grid.points[i], runs, min_samples)?;
-                }
+                let places = &grid.points[own];
+                let mut members: Vec<_> =
+                    places.iter().copied().enumerate().map(|(row, place)| (place, row)).collect();
+                self.surroundings(runs, min_samples)?.find_core(&mut members, is_core)?;
             } else if n_around >= min_samples {
                 for (is_core, i) in is_core.iter_mut().zip(own) {
                     *is_core =

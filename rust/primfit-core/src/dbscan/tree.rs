@@ -112,6 +112,25 @@ impl Tree {
         )
     }
 
+    /// Whether all points of a box are near all places of another, or none; None when neither is
+    /// clear. Rounding is monotone here, too.
+    pub fn look_from(
+        &self,
+        [low, high]: [Vector; 2],
+        node: Node,
+        eps_squared: f64,
+    ) -> Option<bool> {
+        let [own_low, own_high] = self.bounds(node);
+        let origin = [0.0; 3];
+        let least =
+            std::array::from_fn(|k| (own_low[k] - high[k]).max(low[k] - own_high[k]).max(0.0));
+        if !near(least, origin, eps_squared) {
+            return Some(false);
+        }
+        let most = std::array::from_fn(|k| (own_high[k] - low[k]).max(high[k] - own_low[k]));
+        near(most, origin, eps_squared).then_some(true)
+    }
+
     /// Whether any point is near.
     pub fn has_near(&self, node: Node, place: Vector, eps_squared: f64) -> bool {
         match self.look(node, place, eps_squared) {
@@ -176,7 +195,7 @@ fn nearest_in([low, high]: [Vector; 2], place: Vector) -> Vector {
     std::array::from_fn(|k| place[k].clamp(low[k], high[k]))
 }
 
-fn widest_axis([low, high]: [Vector; 2]) -> (usize, f64) {
+pub fn widest_axis([low, high]: [Vector; 2]) -> (usize, f64) {
     let widths: Vector = std::array::from_fn(|k| high[k] - low[k]);
     let axis = (1..3).fold(0, |widest, k| if widths[k] > widths[widest] { k } else { widest });
     (axis, widths[axis])

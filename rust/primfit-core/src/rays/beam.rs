@@ -4,7 +4,6 @@
 
 use super::lanes::{Isa, Lanes, splat};
 use super::ray::Start;
-use super::tiles::RAYS;
 use super::tree::{Node, WIDTH};
 
 /// The directions of all rays on one axis.
@@ -18,13 +17,9 @@ pub enum Span {
 }
 
 impl Span {
+    /// Of components from `low` to `high`.
     #[inline(always)]
-    pub fn of(axis: usize, components: &[f32; RAYS], slack: f32) -> Self {
-        let (mut low, mut high) = (components[0], components[0]);
-        for &component in components {
-            low = if component < low { component } else { low };
-            high = if component > high { component } else { high };
-        }
+    pub fn of(axis: usize, low: f32, high: f32, slack: f32) -> Self {
         if low < 0.0 && high > 0.0 {
             return Self::Both { low, high };
         }

@@ -2,19 +2,26 @@
 
 #![allow(clippy::inline_always)]
 
-use super::lanes::{Isa, Scalar};
+use super::interleaved::{self, Flight, IN_FLIGHT};
+use super::memory::zeros;
+use super::packet::{self, Packet};
+use super::query::{Query, Rays};
 use super::ray::Start;
 use super::tiles::{Tiles, tasks};
 use super::tree::Tree;
 use super::triangle::ShearedRay;
-use super::{interleaved, packet, walk};
-use crate::instructions::Instructions;
+use super::walk;
+use crate::instructions::{Instructions, for_each_set};
+use crate::workers::Stop;
 use crate::{Error, Vector, Workers};
 use rayon::prelude::*;
+use std::cell::RefCell;
 use std::f64::consts::PI;
 
 /// Rays between two questions to the caller.
 const CHUNK: usize = 1 << 16;
+/// Triangles that are ready before a caller who wants to stop would notice.
+const FEW: usize = 1 << 12;
 /// Expected triangles in a tile above which its rays have little in common.
 const IN_TILE: f64 = 500.0;
 
@@ -32,6 +39,15 @@ impl Hit {
 
     pub(super) fn is_before(self, other: Self) -> bool {
         self.range < other.range || (self.range == other.range && self.triangle < other.triangle)
+    }
+
+    /// What the triangle is called; -1 for none.
+    #[inline(always)]
+    pub(super) fn id(self, names: Option<&[i64]>) -> i64 {
+        match (names, usize::try_from(self.triangle)) {
+            (Some(names), Ok(triangle)) => names[triangle],
+            _ => self.triangle,
+        }
     }
 }
 
@@ -62,8 +78,13 @@ pub struct RayCaster {
 
 impl RayCaster {
     /// # Errors
-    /// [`Error::VertexOutOfRange`] when a triangle names a vertex that does not exist.
-    pub fn new(vertices: &[Vector], triangles: &[[i64; 3]]) -> Result<Self, Error> {
+    /// [`Error::VertexOutOfRange`] when a triangle names a vertex that does not exist,
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn new(
+        vertices: &[Vector],
+        triangles: &[[i64; 3]],
+        workers: &Workers,
+    ) -> Result<Self, Error> {
         let n_vertices = vertices.len();
         for (triangle, corners) in triangles.iter().enumerate() {
             for &vertex in corners {
@@ -72,11 +93,12 @@ impl RayCaster {
                 }
             }
         }
-        Ok(Self {
-            tree: Tree::new(vertices, triangles),
-            names: None,
-            instructions: Instructions::best(),
-        })
+        let tree = if triangles.len() <= FEW {
+            Tree::new(vertices, triangles, &Stop::default())
+        } else {
+            workers.watch(|stop| Tree::new(vertices, triangles, stop))
+        }?;
+        Ok(Self { tree, names: None, instructions: Instructions::best() })
     }
 
     /// The same, but hits of many rays are called by the name of their triangle.
@@ -101,14 +123,6 @@ impl RayCaster {
         self.tree.exact.is_empty()
     }
 
-    /// The first hit of one ray; `direction` must be finite and not zero.
-    #[must_use]
-    pub fn cast_one(&self, origin: Vector, direction: Vector) -> Hit {
-        let mut hit = [Hit::NONE];
-        self.cast_task(Way::OneByOne, &[origin], &[direction], &mut hit);
-        hit[0]
-    }
-
     /// The first hit of every ray, in order; directions may have any length but zero.
     ///
     /// # Errors
@@ -121,13 +135,18 @@ impl RayCaster {
         workers: &Workers,
     ) -> Result<Hits, Error> {
         let n = origins.len();
-        let mut hits = Hits { ranges: vec![0.0; n], ids: vec![0; n] };
+        let mut hits = Hits { ranges: zeros(n), ids: zeros(n) };
         let rays = origins.chunks(CHUNK).zip(directions.chunks(CHUNK));
         let out = hits.ranges.chunks_mut(CHUNK).zip(hits.ids.chunks_mut(CHUNK));
-        for (chunk, ((origins, directions), (ranges, ids))) in rays.zip(out).enumerate() {
+        for (first, ((origins, directions), (ranges, ids))) in
+            (0..).step_by(CHUNK).zip(rays.zip(out))
+        {
             workers.check()?;
+            let Some(tasks) = tasks(origins, directions, self.largest_tile()) else {
+                return Err(what_is_wrong(origins, directions, first));
+            };
             let mut rest = (origins, directions, ranges, ids);
-            let parts: Vec<_> = tasks(origins, directions, self.largest_tile())
+            let mut parts: Vec<(Way, Rays)> = tasks
                 .into_iter()
                 .map(|task| {
                     let (origins, directions, ranges, ids) = std::mem::take(&mut rest);
@@ -136,51 +155,17 @@ impl RayCaster {
                     let (ranges, later_ranges) = ranges.split_at_mut(task.n_rays);
                     let (ids, later_ids) = ids.split_at_mut(task.n_rays);
                     rest = (later_origins, later_directions, later_ranges, later_ids);
-                    (self.way(task.tiles), origins, directions, ranges, ids)
+                    let names = self.names();
+                    (self.way(task.tiles), Rays { origins, directions, names, ranges, ids })
                 })
                 .collect();
-            let is_good = workers.install(|| {
-                parts
-                    .into_par_iter()
-                    .map(|(way, origins, directions, ranges, ids)| {
-                        let units: Option<Vec<Vector>> = origins
-                            .iter()
-                            .zip(directions)
-                            .map(|(origin, &direction)| {
-                                unit(direction).filter(|_| origin.iter().all(|x| x.is_finite()))
-                            })
-                            .collect();
-                        let Some(units) = units else { return false };
-                        self.cast_part(way, origins, &units, ranges, ids);
-                        true
-                    })
-                    .reduce(|| true, |a, b| a && b)
-            });
-            if !is_good {
-                check(origins, directions, chunk * CHUNK)?;
+            let all_have_directions = workers
+                .install(|| parts.par_iter_mut().all(|(way, rays)| self.cast_part(*way, rays)));
+            if !all_have_directions {
+                return Err(what_is_wrong(origins, directions, first));
             }
         }
         Ok(hits)
-    }
-
-    /// Rays of one task; directions have unit length.
-    pub(super) fn cast_part(
-        &self,
-        way: Way,
-        origins: &[Vector],
-        directions: &[Vector],
-        ranges: &mut [f64],
-        ids: &mut [i64],
-    ) {
-        let mut hits = vec![Hit::NONE; origins.len()];
-        self.cast_task(way, origins, directions, &mut hits);
-        for ((range, id), hit) in ranges.iter_mut().zip(ids).zip(hits) {
-            *range = hit.range;
-            *id = match (&self.names, usize::try_from(hit.triangle)) {
-                (Some(names), Ok(triangle)) => names[triangle],
-                _ => hit.triangle,
-            };
-        }
     }
 
     pub(super) fn way(&self, tiles: Option<Tiles>) -> Way {
@@ -196,109 +181,67 @@ impl RayCaster {
         IN_TILE * 4.0 * PI / self.len() as f64
     }
 
-    pub(super) fn cast_task(
-        &self,
-        way: Way,
-        origins: &[Vector],
-        directions: &[Vector],
-        hits: &mut [Hit],
-    ) {
-        if self.is_empty() {
-            return;
-        }
-        match self.instructions {
-            Instructions::Scalar => cast_body::<Scalar>(way, &self.tree, origins, directions, hits),
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Avx2 => {
-                #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-                fn on(
-                    way: Way,
-                    tree: &Tree,
-                    origins: &[Vector],
-                    directions: &[Vector],
-                    hits: &mut [Hit],
-                ) {
-                    cast_body::<super::lanes::Avx2>(way, tree, origins, directions, hits);
+    pub(super) fn names(&self) -> Option<&[i64]> {
+        self.names.as_deref()
+    }
+
+    /// Casts and answers the rays of one task; whether all have a direction.
+    pub(super) fn cast_part<Q: Query>(&self, way: Way, query: &mut Q) -> bool {
+        SCRATCH
+            .with_borrow_mut(|scratch| cast_on(self.instructions, way, &self.tree, query, scratch))
+    }
+}
+
+/// What rays on their way keep: large, so that each thread makes it once.
+struct Scratch {
+    packet: Packet,
+    flights: [Flight; IN_FLIGHT],
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Box<Scratch>> = RefCell::new(Box::new(Scratch {
+        packet: Packet::new(),
+        flights: std::array::from_fn(|_| Flight::idle()),
+    }));
+}
+
+for_each_set! {
+    fn cast_on<Q: Query>(way: Way, tree: &Tree, query: &mut Q, scratch: &mut Scratch) -> bool {
+        let Scratch { packet, flights } = scratch;
+        match way {
+            _ if query.len() == 0 => true,
+            _ if tree.exact.is_empty() => query.miss(),
+            Way::OneByOne => {
+                walk::cast::<Set, Q>(tree, query, &mut packet.bundle, &mut flights[0].walk)
+            }
+            Way::Interleaved => {
+                interleaved::cast::<Set, Q>(tree, query, &mut packet.bundle, flights)
+            }
+            Way::Packets(tiles) => {
+                let start = Start::new(query.origin(0), &tree.frame);
+                if start.is_far {
+                    return interleaved::cast::<Set, Q>(tree, query, &mut packet.bundle, flights);
                 }
-                // SAFETY: chosen only where the processor has it.
-                unsafe { on(way, &self.tree, origins, directions, hits) }
-            }
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Avx512 => {
-                #[target_feature(enable = "avx512f,avx512vl,avx512dq,fma,bmi1,bmi2,lzcnt,popcnt")]
-                fn on(
-                    way: Way,
-                    tree: &Tree,
-                    origins: &[Vector],
-                    directions: &[Vector],
-                    hits: &mut [Hit],
-                ) {
-                    cast_body::<super::lanes::Avx512>(way, tree, origins, directions, hits);
-                }
-                // SAFETY: chosen only where the processor has it.
-                unsafe { on(way, &self.tree, origins, directions, hits) }
+                packet::cast::<Set, Q>(tree, tiles, start, query, packet, flights)
             }
         }
     }
 }
 
-/// `direction` at unit length, as it is where only rounding is missing; None when it has none.
-#[inline]
-pub(super) fn unit(direction: Vector) -> Option<Vector> {
-    let square = direction.iter().map(|x| x * x).sum::<f64>();
-    if (square - 1.0).abs() <= 4.0 * f64::EPSILON {
-        return Some(direction);
-    }
-    normalized(direction)
-}
-
-/// `direction` over its length; None when it has none.
-#[inline]
-pub(super) fn normalized(direction: Vector) -> Option<Vector> {
-    // First by the largest: squares of very long or short vectors leave the range of float64.
-    let largest = direction.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
-    if !(largest > 0.0 && direction.iter().all(|x| x.is_finite())) {
-        return None;
-    }
-    let direction = direction.map(|x| x / largest);
-    let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
-    Some(direction.map(|x| x / length))
-}
-
-/// Says what is wrong with the first bad ray; row 0 is the given one of all.
-fn check(origins: &[Vector], directions: &[Vector], first: usize) -> Result<(), Error> {
-    for (row, (origin, direction)) in (first..).zip(origins.iter().zip(directions)) {
-        for (name, vector) in [("origins", origin), ("directions", direction)] {
-            if !vector.iter().all(|x| x.is_finite()) {
-                return Err(Error::NotFinite { name, row });
+/// Says what is wrong with the first bad ray; row `first` is the given one of all.
+fn what_is_wrong(origins: &[Vector], directions: &[Vector], first: usize) -> Error {
+    let is_finite = |vector: &Vector| vector.iter().all(|x| x.is_finite());
+    let bad =
+        (first..).zip(origins.iter().zip(directions)).find_map(|(row, (origin, direction))| {
+            if !is_finite(origin) {
+                Some(Error::NotFinite { name: "origins", row })
+            } else if !is_finite(direction) {
+                Some(Error::NotFinite { name: "directions", row })
+            } else {
+                (*direction == [0.0; 3]).then_some(Error::NoDirection { row })
             }
-        }
-        if *direction == [0.0; 3] {
-            return Err(Error::NoDirection { row });
-        }
-    }
-    Ok(())
-}
-
-#[inline(always)]
-fn cast_body<I: Isa>(
-    way: Way,
-    tree: &Tree,
-    origins: &[Vector],
-    directions: &[Vector],
-    hits: &mut [Hit],
-) {
-    match way {
-        Way::OneByOne => walk::cast::<I>(tree, origins, directions, hits),
-        Way::Interleaved => interleaved::cast::<I>(tree, origins, directions, hits),
-        Way::Packets(tiles) => {
-            let start = Start::new(origins[0], &tree.frame);
-            if start.is_far {
-                return walk::cast::<I>(tree, origins, directions, hits);
-            }
-            packet::cast::<I>(tree, tiles, start, origins[0], directions, hits);
-        }
-    }
+        });
+    bad.unwrap_or(Error::NoDirection { row: first })
 }
 
 #[cfg(test)]
@@ -331,7 +274,7 @@ pub(super) fn cast_at_all(tree: &Tree, origin: Vector, direction: Vector) -> Hit
     let ray = ShearedRay::new(origin, direction);
     let hits = tree.exact.iter().filter_map(|triangle| {
         let range = ray.cast(&triangle.corners)?;
-        Some(Hit { range, triangle: i64::from(triangle.id) })
+        Some(Hit { range, triangle: triangle.id() })
     });
     hits.fold(Hit::NONE, |best, hit| if hit.is_before(best) { hit } else { best })
 }

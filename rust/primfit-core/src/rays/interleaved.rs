@@ -2,17 +2,19 @@
 
 #![allow(clippy::inline_always)]
 
-use super::caster::{Hit, cast_at_all};
+use super::bundle::Bundle;
+use super::caster::Hit;
 use super::lanes::Isa;
 use super::leaf::candidates;
-use super::ray::{Approach, Ray};
+use super::query::Query;
+use super::ray::Ray;
+use super::supply::{Next, Supply};
 use super::tree::{LEAF, Tree};
 use super::triangle::ShearedRay;
 use super::walk::Walk;
-use crate::Vector;
 
 /// Rays in flight.
-const IN_FLIGHT: usize = 16;
+pub const IN_FLIGHT: usize = 16;
 
 /// A ray on its way, and what it does next; the memory for that has been asked for.
 pub struct Flight {
@@ -83,30 +85,42 @@ pub fn finish<I: Isa>(tree: &Tree, flights: &mut [Flight]) {
     }
 }
 
-/// Casts all rays.
+/// Casts all rays; whether all have a direction.
 #[inline(always)]
-pub fn cast<I: Isa>(tree: &Tree, origins: &[Vector], directions: &[Vector], hits: &mut [Hit]) {
-    let mut waiting = 0;
-    let mut flights: Vec<Flight> = (0..IN_FLIGHT).map(|_| Flight::idle()).collect();
-    let mut rows = [usize::MAX; IN_FLIGHT];
-    let mut in_flight = IN_FLIGHT;
-    while in_flight > 0 {
-        for (flight, row) in flights.iter_mut().zip(&mut rows) {
+pub fn cast<I: Isa, Q: Query>(
+    tree: &Tree,
+    query: &mut Q,
+    bundle: &mut Bundle,
+    flights: &mut [Flight; IN_FLIGHT],
+) -> bool {
+    let mut supply = Supply::new(bundle);
+    // Of each flight, the row and the direction of its ray.
+    let mut rays = [None; IN_FLIGHT];
+    for flight in &mut *flights {
+        flight.step = Step::Done;
+    }
+    loop {
+        let mut goes_on = false;
+        for (flight, flying) in flights.iter_mut().zip(&mut rays) {
             if flight.advance::<I>(tree) {
+                goes_on = true;
                 continue;
             }
-            if let Some(hit) = hits.get_mut(*row) {
-                *hit = flight.walk.hit;
+            if let Some((row, direction)) = flying.take() {
+                query.answer(row, direction, flight.walk.hit);
             }
-            *row = usize::MAX;
-            if let Some((next, ray)) = next(tree, origins, directions, hits, &mut waiting) {
-                *row = next;
-                let exact = ShearedRay::new(origins[next], directions[next]);
-                flight.restart(tree, ray, exact, Hit::NONE, 0);
+            match supply.next::<I, Q>(tree, query) {
+                Next::Enters { row, direction, ray, exact } => {
+                    flight.restart(tree, ray, exact, Hit::NONE, 0);
+                    *flying = Some((row, direction));
+                    goes_on = true;
+                }
+                Next::NoDirection => return false,
+                Next::NoMore => {}
             }
         }
-        if waiting == origins.len() {
-            in_flight = rows.iter().filter(|row| **row != usize::MAX).count();
+        if !goes_on {
+            return true;
         }
     }
 }
@@ -119,27 +133,6 @@ pub fn prefetch_child(tree: &Tree, child: u32) {
     } else {
         prefetch(&tree.blocks[(child ^ LEAF) as usize]);
     }
-}
-
-/// The next ray that enters the scene.
-#[inline(always)]
-fn next(
-    tree: &Tree,
-    origins: &[Vector],
-    directions: &[Vector],
-    hits: &mut [Hit],
-    waiting: &mut usize,
-) -> Option<(usize, Ray)> {
-    while *waiting < origins.len() {
-        let row = *waiting;
-        *waiting += 1;
-        match Ray::approach(origins[row], directions[row], &tree.frame) {
-            Approach::Enters(ray) => return Some((row, ray)),
-            Approach::Passes => {}
-            Approach::Unclear => hits[row] = cast_at_all(tree, origins[row], directions[row]),
-        }
-    }
-    None
 }
 
 /// Asks for the memory of something that is needed soon.

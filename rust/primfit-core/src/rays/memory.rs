@@ -8,6 +8,14 @@ pub fn with_room<T>(n: usize) -> Vec<T> {
     items
 }
 
+/// A vector of zeros.
+pub fn zeros<T: Copy + Default>(n: usize) -> Vec<T> {
+    let items = vec![T::default(); n];
+    #[cfg(target_os = "linux")]
+    advise(items.as_ptr(), n * size_of::<T>());
+    items
+}
+
 #[cfg(target_os = "linux")]
 fn advise<T>(start: *const T, n_bytes: usize) {
     const PAGE: usize = 4096;

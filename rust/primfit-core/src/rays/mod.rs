@@ -6,15 +6,18 @@
 //! matter, and neither do instruction sets, packets and threads.
 
 mod beam;
+mod bundle;
 mod caster;
 mod interleaved;
 mod lanes;
 mod leaf;
 mod memory;
 mod packet;
+mod query;
 mod ray;
 mod scan;
 mod split;
+mod supply;
 #[cfg(test)]
 mod tests;
 mod tiles;
@@ -22,5 +25,5 @@ mod tree;
 mod triangle;
 mod walk;
 
-pub use caster::{Hit, Hits, RayCaster};
-pub use scan::Transform;
+pub use caster::{Hits, RayCaster};
+pub use scan::{Gate, Readings, Transform, turned};

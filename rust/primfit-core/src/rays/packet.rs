@@ -5,15 +5,19 @@
 //! vectors computed once and costs nine products a ray. When few rays are left they go on alone.
 
 #![allow(clippy::inline_always)]
+// Lazy operators would be branches.
+#![allow(clippy::needless_bitwise_bool)]
 // Lanes are counted, so that the compiler sees whole vectors.
 #![allow(clippy::needless_range_loop)]
 
 use super::beam::{self, Span};
+use super::bundle::{Bundle, Doubles, Floats};
 use super::caster::Hit;
 use super::interleaved::{self, Flight, prefetch_child};
 use super::lanes::{Isa, Lanes, lane, load};
 use super::leaf::Triangles;
-use super::ray::{Ray, Start, ULP, steep};
+use super::query::Query;
+use super::ray::{Start, ULP};
 use super::tiles::{RAYS, Tiles};
 use super::tree::{Block, LEAF, Node, Tree, WIDTH};
 use super::triangle::ShearedRay;
@@ -29,20 +33,14 @@ const LARGE: usize = 16_000;
 /// So many candidates are decided one by one.
 const FEW_CANDIDATES: u32 = 2;
 
-type Floats = [f32; RAYS];
-type Doubles = [f64; RAYS];
-
 /// The rays, what they hit so far and which children wait.
-struct Packet {
+pub struct Packet {
+    pub bundle: Bundle,
     origin: Vector,
     start: Start,
-    exact_directions: [Doubles; 3],
-    directions: [Floats; 3],
-    inverses: [Floats; 3],
-    near: [Floats; 3],
-    far: [Floats; 3],
     limits: Floats,
-    scales: Doubles,
+    /// The greatest of the limits.
+    last: f32,
     /// Axes and shears when all rays have the same longest component.
     axes: Option<[usize; 3]>,
     shears: [Doubles; 3],
@@ -51,45 +49,46 @@ struct Packet {
     beam: [Span; 3],
     stack: [(u64, u32); STACK],
     waiting: usize,
-    flights: Vec<Flight>,
 }
 
-/// Casts all rays of one origin, which must not be far, tile by tile.
+/// Casts all rays of one origin, which must not be far, tile by tile; whether all have a direction.
 #[inline(always)]
-pub fn cast<I: Isa>(
+pub fn cast<I: Isa, Q: Query>(
     tree: &Tree,
     tiles: Tiles,
     start: Start,
-    origin: Vector,
-    directions: &[Vector],
-    hits: &mut [Hit],
-) {
-    let mut packet = Packet::new(origin, start);
-    for tile in 0..tiles.count(directions.len()) {
-        let (rows, count) = tiles.tile(tile, directions.len());
+    query: &mut Q,
+    packet: &mut Packet,
+    flights: &mut [Flight],
+) -> bool {
+    packet.origin = query.origin(0);
+    packet.start = start;
+    for tile in 0..tiles.count(query.len()) {
+        let (rows, count) = tiles.tile(tile, query.len());
         if count == 0 {
             continue;
         }
-        packet.prepare(tree, directions, rows);
-        packet.traverse::<I>(tree, u32::MAX >> (32 - count));
+        if !packet.bundle.aim(query, rows) {
+            return false;
+        }
+        packet.prepare::<I>(tree);
+        packet.traverse::<I>(tree, flights, u32::MAX >> (32 - count));
         for i in 0..count {
-            hits[rows[i] as usize] = Hit { range: packet.ranges[i], triangle: packet.triangles[i] };
+            let hit = packet.hit(i);
+            query.answer(rows[i] as usize, lane(&packet.bundle.exact, i), hit);
         }
     }
+    true
 }
 
 impl Packet {
-    fn new(origin: Vector, start: Start) -> Self {
+    pub fn new() -> Self {
         Self {
-            origin,
-            start,
-            exact_directions: [[0.0; RAYS]; 3],
-            directions: [[0.0; RAYS]; 3],
-            inverses: [[0.0; RAYS]; 3],
-            near: [[0.0; RAYS]; 3],
-            far: [[0.0; RAYS]; 3],
+            bundle: Bundle::new(),
+            origin: [0.0; 3],
+            start: Start::default(),
             limits: [0.0; RAYS],
-            scales: [0.0; RAYS],
+            last: 0.0,
             axes: None,
             shears: [[0.0; RAYS]; 3],
             ranges: [0.0; RAYS],
@@ -97,84 +96,42 @@ impl Packet {
             beam: [Span::Both { low: 0.0, high: 0.0 }; 3],
             stack: [(0, 0); STACK],
             waiting: 0,
-            flights: (0..MANY).map(|_| Flight::idle()).collect(),
         }
     }
 
     #[inline(always)]
-    fn prepare(&mut self, tree: &Tree, directions: &[Vector], rows: [u32; RAYS]) {
-        let start = self.start;
-        for i in 0..RAYS {
-            let direction = directions[rows[i] as usize];
-            for k in 0..3 {
-                self.exact_directions[k][i] = direction[k];
-            }
+    fn prepare<I: Isa>(&mut self, tree: &Tree) {
+        self.bundle.place_together::<I>(self.start, &tree.frame);
+        let slack = self.start.slack();
+        for (k, components) in self.bundle.directions.iter().enumerate() {
+            let components = I::Sixteen::load(components);
+            self.beam[k] = Span::of(k, components.least(), components.greatest(), slack);
         }
-        let [x, y, z] = &self.exact_directions;
-        let mut largest = [0.0; RAYS];
-        for i in 0..RAYS {
-            largest[i] = x[i].abs().max(y[i].abs()).max(z[i].abs());
-            self.scales[i] = largest[i] * tree.frame.scale;
-        }
-        for k in 0..3 {
-            for i in 0..RAYS {
-                let direction = steep(self.exact_directions[k][i] / largest[i]);
-                let inverse = 1.0 / direction;
-                let place = -start.origin[k] * inverse;
-                let slack = start.slack() * inverse.abs();
-                self.directions[k][i] = direction;
-                self.inverses[k][i] = inverse;
-                self.near[k][i] = place - slack;
-                self.far[k][i] = place + slack;
-            }
-            self.beam[k] = Span::of(k, &self.directions[k], start.slack());
-        }
-        self.limits = [start.limit(); RAYS];
+        (self.axes, self.shears) = self.bundle.shear();
+        self.limits = [self.start.limit(); RAYS];
+        self.last = self.start.limit();
         self.ranges = [f64::INFINITY; RAYS];
         self.triangles = [-1; RAYS];
         self.waiting = 0;
-        self.shear();
-    }
-
-    /// The shears of all rays, when they share their axes.
-    #[inline(always)]
-    fn shear(&mut self) {
-        let first: Vector = std::array::from_fn(|k| self.exact_directions[k][0]);
-        let axes = ShearedRay::axes_of(first);
-        let [kx, ky, kz] = axes;
-        let [dx, dy, dz] = [kx, ky, kz].map(|k| &self.exact_directions[k]);
-        let mut agree = true;
-        for i in 0..RAYS {
-            let (x, y, z) = (dx[i].abs(), dy[i].abs(), dz[i].abs());
-            // Ties are left to the general way.
-            agree &= z > x && z > y && (dz[i] < 0.0) == (dz[0] < 0.0);
-        }
-        self.axes = agree.then_some(axes);
-        for i in 0..RAYS {
-            let inverse = 1.0 / dz[i];
-            self.shears[0][i] = dx[i] * inverse;
-            self.shears[1][i] = dy[i] * inverse;
-            self.shears[2][i] = inverse;
-        }
     }
 
     #[inline(always)]
     fn exact(&self, i: usize) -> ShearedRay {
         match self.axes {
             Some(axes) => ShearedRay::from_shear(self.origin, axes, lane(&self.shears, i)),
-            None => ShearedRay::new(self.origin, lane(&self.exact_directions, i)),
+            None => self.bundle.sheared(i, self.origin),
         }
     }
 
     #[inline(always)]
-    fn traverse<I: Isa>(&mut self, tree: &Tree, all: u32) {
+    fn traverse<I: Isa>(&mut self, tree: &Tree, flights: &mut [Flight], all: u32) {
         let few = if tree.nodes.len() < LARGE { FEW } else { MANY };
         let (mut child, mut mask) = (0_u32, all);
         loop {
             if child & LEAF != 0 {
                 self.leaf::<I>(tree, &tree.blocks[(child ^ LEAF) as usize], mask);
             } else if mask.count_ones() <= few {
-                self.go_alone::<I>(tree, child, mask);
+                self.go_alone::<I>(tree, flights, child, mask);
             } else if let Some(next) = self.enter::<I>(tree, &tree.nodes[child as usize], mask) {
                 (child, mask) = next;
                 continue;
@@ -187,11 +144,7 @@ impl Packet {
     /// The children that rays of `mask` enter; the nearest is next, with its rays.
     #[inline(always)]
     fn enter<I: Isa>(&mut self, tree: &Tree, node: &Node, mask: u32) -> Option<(u32, u32)> {
-        let mut last = self.limits[0];
-        for limit in &self.limits[1..] {
-            last = if *limit > last { *limit } else { last };
-        }
-        let (entry, mut children) = beam::slabs::<I>(node, self.start, &self.beam, last);
+        let (entry, mut children) = beam::slabs::<I>(node, self.start, &self.beam, self.last);
         if !tree.is_cached() {
             let mut rest = children;
             while rest != 0 {
@@ -230,7 +183,10 @@ impl Packet {
             self.stack[place] = other;
             self.waiting += 1;
         }
-        nearest.map(|(key, rays)| (key as u32, rays)).or_else(|| self.pop::<I>())
+        match nearest {
+            Some((key, rays)) => Some((key as u32, rays)),
+            None => self.pop::<I>(),
+        }
     }
 
     #[inline(always)]
@@ -251,8 +207,8 @@ impl Packet {
     /// A bit for each ray that enters a child.
     #[inline(always)]
     fn slabs<I: Isa>(&self, node: &Node, slot: usize) -> u32 {
-        let inverses = load::<I::Sixteen>(&self.inverses);
-        let (near, far) = (load::<I::Sixteen>(&self.near), load::<I::Sixteen>(&self.far));
+        let inverses = load::<I::Sixteen>(&self.bundle.inverses);
+        let (near, far) = (load(&self.bundle.near), load(&self.bundle.far));
         let mut enter = I::Sixteen::splat(0.0);
         let mut leave = I::Sixteen::load(&self.limits);
         for k in 0..3 {
@@ -279,7 +235,7 @@ impl Packet {
     #[inline(always)]
     fn leaf<I: Isa>(&mut self, tree: &Tree, block: &Block, mask: u32) {
         let triangles = Triangles::from::<I>(block, self.start);
-        let directions = load::<I::Sixteen>(&self.directions);
+        let directions = load::<I::Sixteen>(&self.bundle.directions);
         for i in 0..WIDTH {
             if block.extent[i] < 0.0 {
                 break;
@@ -287,31 +243,34 @@ impl Packet {
             let limits = I::Sixteen::load(&self.limits);
             let candidates = mask & triangles.candidates::<I>(i, directions, limits);
             if candidates != 0 {
-                self.decide(tree, block.first as usize + i, candidates);
+                self.decide::<I>(tree, block.first as usize + i, candidates);
             }
         }
     }
 
     /// One triangle against some rays in float64.
     #[inline(always)]
-    fn decide(&mut self, tree: &Tree, triangle: usize, mut candidates: u32) {
+    fn decide<I: Isa>(&mut self, tree: &Tree, triangle: usize, mut candidates: u32) {
         let triangle = &tree.exact[triangle];
-        let id = i64::from(triangle.id);
+        let id = triangle.id();
         if candidates.count_ones() > FEW_CANDIDATES
             && let Some(axes) = self.axes
             && let Some(depths) =
                 ShearedRay::cast_many(self.origin, axes, &self.shears, &triangle.corners)
         {
-            let reach = 8.0 * ULP * self.start.reach;
+            let mut positions = [0.0; RAYS];
             for i in 0..RAYS {
                 let (old, new) = (self.ranges[i], depths[i]);
-                let is_before = new < old || (new == old && id < self.triangles[i]);
-                let range = if is_before { new } else { old };
-                self.ranges[i] = range;
+                let is_before = (new < old) | ((new == old) & (id < self.triangles[i]));
+                self.ranges[i] = if is_before { new } else { old };
                 self.triangles[i] = if is_before { id } else { self.triangles[i] };
-                let limit = (range * self.scales[i]) as f32 + reach;
-                self.limits[i] = if limit < self.limits[i] { limit } else { self.limits[i] };
+                positions[i] = self.ranges[i] * self.bundle.scales[i];
             }
+            let reach = I::Sixteen::splat(8.0 * ULP * self.start.reach);
+            let limits = I::Sixteen::narrow(&positions) + reach;
+            let limits = limits.min(I::Sixteen::load(&self.limits));
+            self.last = limits.greatest();
+            self.limits = limits.store();
             return;
         }
         while candidates != 0 {
@@ -322,41 +281,37 @@ impl Packet {
                 if hit.is_before(self.hit(i)) {
                     self.ranges[i] = range;
                     self.triangles[i] = id;
-                    let limit = (range * self.scales[i]) as f32 + 8.0 * ULP * self.start.reach;
+                    let limit =
+                        (range * self.bundle.scales[i]) as f32 + 8.0 * ULP * self.start.reach;
                     self.limits[i] = self.limits[i].min(limit);
                 }
             }
         }
+        self.last = I::Sixteen::load(&self.limits).greatest();
     }
 
     /// Each ray of `mask` by itself from `child` on.
     #[inline(always)]
-    fn go_alone<I: Isa>(&mut self, tree: &Tree, child: u32, mask: u32) {
-        let n = mask.count_ones() as usize;
+    fn go_alone<I: Isa>(&mut self, tree: &Tree, flights: &mut [Flight], child: u32, mask: u32) {
+        let flights = &mut flights[..mask.count_ones() as usize];
         let mut rest = mask;
-        for flight in 0..n {
+        for flight in &mut *flights {
             let i = rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            let ray = Ray::ready(
-                self.start,
-                lane(&self.directions, i),
-                lane(&self.inverses, i),
-                [lane(&self.near, i), lane(&self.far, i)],
-                self.limits[i],
-                self.scales[i],
-            );
+            let ray = self.bundle.ray(i, self.start, self.limits[i]);
             let (exact, hit) = (self.exact(i), self.hit(i));
-            self.flights[flight].restart(tree, ray, exact, hit, child);
+            flight.restart(tree, ray, exact, hit, child);
         }
-        interleaved::finish::<I>(tree, &mut self.flights[..n]);
+        interleaved::finish::<I>(tree, flights);
         let mut rest = mask;
-        for flight in &self.flights[..n] {
+        for flight in flights {
             let i = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let hit = flight.walk.hit;
             (self.ranges[i], self.triangles[i]) = (hit.range, hit.triangle);
             self.limits[i] = flight.walk.ray.limit;
         }
+        self.last = I::Sixteen::load(&self.limits).greatest();
     }
 
     #[inline(always)]

@@ -14,7 +14,7 @@ use std::cmp::Ordering;
 /// Half the distance from 1 to the next float32.
 pub const ULP: f32 = f32::EPSILON / 2.0;
 /// Half sizes of the scene from its centre beyond which an origin is moved to the scene.
-const FAR: f64 = 4.0;
+pub const FAR: f64 = 4.0;
 
 /// An origin in the frame of the tree.
 #[derive(Clone, Copy, Default)]
@@ -26,6 +26,9 @@ pub struct Start {
 }
 
 impl Start {
+    /// The same for a reach of 1.
+    pub const SLACK: f32 = 16.0 * ULP;
+
     #[inline(always)]
     pub fn new(origin: Vector, frame: &Frame) -> Self {
         let placed = frame.place(origin);
@@ -40,7 +43,7 @@ impl Start {
     /// How far a plane must be moved so that rounding does not matter.
     #[inline(always)]
     pub fn slack(&self) -> f32 {
-        16.0 * ULP * self.reach
+        Self::SLACK * self.reach
     }
 
     /// A position that no triangle lies beyond.
@@ -70,7 +73,7 @@ pub struct Ray {
     offset: f64,
 }
 
-/// What is known of a ray before the tree is asked.
+/// What is known of a ray from far away before the tree is asked.
 pub enum Approach {
     Enters(Ray),
     Passes,
@@ -79,16 +82,11 @@ pub enum Approach {
 }
 
 impl Ray {
-    #[inline(always)]
+    /// A ray from far away begins where it enters the scene.
+    #[cold]
     pub fn approach(origin: Vector, direction: Vector, frame: &Frame) -> Approach {
         let largest = direction[0].abs().max(direction[1].abs()).max(direction[2].abs());
-        let direction = direction.map(|d| d / largest);
-        let start = Start::new(origin, frame);
-        let scale = largest * frame.scale;
-        if start.is_far {
-            return far(frame.place(origin), direction, scale);
-        }
-        Approach::Enters(Self::from_start(start, direction, scale, 0.0))
+        far(frame.place(origin), direction.map(|d| d / largest), largest * frame.scale)
     }
 
     #[inline(always)]
@@ -136,15 +134,15 @@ impl Ray {
     }
 }
 
-/// A component of a direction that has a finite inverse.
+/// The least component of a direction, so that its inverse is finite.
+pub const STEEPEST: f32 = 1e-18;
+
 #[inline(always)]
-pub fn steep(component: f64) -> f32 {
+fn steep(component: f64) -> f32 {
     let component = component as f32;
-    if component.abs() < 1e-18 { 1e-18_f32.copysign(component) } else { component }
+    if component.abs() < STEEPEST { STEEPEST.copysign(component) } else { component }
 }
 
-/// A ray from far away begins where it enters the scene.
-#[cold]
 fn far(origin: Vector, direction: Vector, scale: f64) -> Approach {
     let distance = origin[0].abs().max(origin[1].abs()).max(origin[2].abs());
     if distance.partial_cmp(&2.0_f64.powi(60)).is_none_or(Ordering::is_ge) {

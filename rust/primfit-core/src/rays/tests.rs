@@ -3,8 +3,9 @@
 #![allow(clippy::unwrap_used)]
 
 use super::caster::{Hit, RayCaster, Way, cast_at_all};
-use crate::Vector;
+use super::query::{Rays, unit};
 use crate::instructions::Instructions;
+use crate::{Vector, Workers};
 use proptest::prelude::*;
 
 /// Numbers in -1..1 that follow from a seed.
@@ -93,15 +94,25 @@ fn target(numbers: &mut Numbers, (vertices, triangles): &Mesh) -> Vector {
     std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
 }
 
+fn ready((vertices, triangles): &Mesh) -> RayCaster {
+    RayCaster::new(vertices, triangles, &Workers::new(None, &|| true).unwrap()).unwrap()
+}
+
 /// What all instruction sets find on every way; they must agree to the bit.
 fn cast_everywhere(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Vec<Hit> {
-    let mut caster = RayCaster::new(&mesh.0, &mesh.1).unwrap();
+    let mut caster = ready(mesh);
     let mut found: Option<Vec<Hit>> = None;
     for instructions in Instructions::available() {
         caster.use_instructions(instructions);
         for way in Way::all(origins) {
-            let mut hits = vec![Hit::NONE; origins.len()];
-            caster.cast_task(way, origins, directions, &mut hits);
+            let (mut ranges, mut ids) = (vec![0.0; origins.len()], vec![0; origins.len()]);
+            let (ranges_here, ids_here) = (&mut ranges[..], &mut ids[..]);
+            let mut rays =
+                Rays { origins, directions, names: None, ranges: ranges_here, ids: ids_here };
+            assert!(caster.cast_part(way, &mut rays));
+            let hits: Vec<Hit> = std::iter::zip(ranges, ids)
+                .map(|(range, triangle)| Hit { range, triangle })
+                .collect();
             if let Some(found) = &found {
                 for (row, (hit, other)) in hits.iter().zip(found).enumerate() {
                     assert!(
@@ -121,9 +132,10 @@ fn cast_everywhere(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Ve
 }
 
 fn cast_brute(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Vec<Hit> {
-    let caster = RayCaster::new(&mesh.0, &mesh.1).unwrap();
+    let caster = ready(mesh);
     let rays = origins.iter().zip(directions);
-    rays.map(|(&origin, &direction)| cast_at_all(caster.tree(), origin, direction)).collect()
+    rays.map(|(&origin, &direction)| cast_at_all(caster.tree(), origin, unit(direction).unwrap()))
+        .collect()
 }
 
 proptest! {

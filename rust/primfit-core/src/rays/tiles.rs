@@ -1,5 +1,9 @@
 //! Which rays go together: runs of one origin are cut into tiles of sixteen neighbouring beams.
 
+// Lazy operators would be branches.
+#![allow(clippy::needless_bitwise_bool)]
+#![allow(clippy::inline_always)]
+
 use crate::Vector;
 
 /// Rays of a packet.
@@ -14,6 +18,8 @@ pub struct Tiles {
     pub pitch: usize,
     pub width: usize,
     pub height: usize,
+    /// From the first ray of a tile to each of its rays.
+    steps: [u32; RAYS],
     /// Solid angle of a tile.
     solid_angle: f64,
 }
@@ -25,12 +31,15 @@ pub struct Task {
     pub tiles: Option<Tiles>,
 }
 
-/// Cuts rays into tasks; tiles above a solid angle are not made.
-pub fn tasks(origins: &[Vector], directions: &[Vector], largest_tile: f64) -> Vec<Task> {
+/// Cuts rays into tasks; tiles above a solid angle are not made. None when an origin is not finite.
+pub fn tasks(origins: &[Vector], directions: &[Vector], largest_tile: f64) -> Option<Vec<Task>> {
     let mut tasks: Vec<Task> = Vec::new();
     let mut first = 0;
-    for run in origins.chunk_by(|a, b| a == b) {
-        let n_rays = run.len();
+    while first < origins.len() {
+        if !origins[first].iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        let n_rays = run_of_one(&origins[first..]);
         let tiles = Tiles::of(&directions[first..first + n_rays])
             .filter(|tiles| tiles.is_within(largest_tile));
         first += n_rays;
@@ -52,7 +61,26 @@ pub fn tasks(origins: &[Vector], directions: &[Vector], largest_tile: f64) -> Ve
             tasks.push(Task { n_rays, tiles: None });
         }
     }
-    tasks
+    Some(tasks)
+}
+
+/// How many vectors are like the first.
+fn run_of_one(vectors: &[Vector]) -> usize {
+    const TOGETHER: usize = 8;
+    if vectors.get(1) != Some(&vectors[0]) {
+        return 1;
+    }
+    let first = [vectors[0]; TOGETHER];
+    let mut n = 2;
+    // Without a way out within a chunk, its numbers are compared as whole vectors.
+    while let Some(chunk) = vectors[n..].first_chunk::<TOGETHER>()
+        && chunk[0] == first[0]
+        && std::iter::zip(chunk.as_flattened(), first.as_flattened())
+            .fold(true, |same, (a, b)| same & (a == b))
+    {
+        n += TOGETHER;
+    }
+    n + vectors[n..].iter().take_while(|&v| *v == first[0]).count()
 }
 
 impl Tiles {
@@ -92,7 +120,12 @@ impl Tiles {
                 perimeter(a).total_cmp(&perimeter(b))
             })?;
         let (wide, high) = shape(width);
-        Some(Self { pitch, width, height: RAYS / width, solid_angle: wide * high.max(along) })
+        Some(Self::new(pitch, width, RAYS / width, wide * high.max(along)))
+    }
+
+    fn new(pitch: usize, width: usize, height: usize, solid_angle: f64) -> Self {
+        let steps = std::array::from_fn(|i| (i / width * pitch + i % width) as u32);
+        Self { pitch, width, height, steps, solid_angle }
     }
 
     /// Whether a tile covers no more than a solid angle.
@@ -111,11 +144,17 @@ impl Tiles {
     }
 
     /// Rows of the rays of a tile, and how many they are; the others repeat the first.
+    #[inline(always)]
     pub fn tile(self, tile: usize, n: usize) -> ([u32; RAYS], usize) {
         let across = self.pitch.div_ceil(self.width);
         let first = tile / across * self.band();
         let column = tile % across * self.width;
-        let mut rows = [(first + column) as u32; RAYS];
+        let start = first + column;
+        let last = start + self.steps[RAYS - 1] as usize;
+        if column + self.width <= self.pitch && last < n {
+            return (std::array::from_fn(|i| start as u32 + self.steps[i]), RAYS);
+        }
+        let mut rows = [start as u32; RAYS];
         let mut count = 0;
         for row in 0..self.height {
             for column in column..(column + self.width).min(self.pitch) {
@@ -133,6 +172,6 @@ impl Tiles {
 #[cfg(test)]
 impl From<(usize, usize, usize)> for Tiles {
     fn from((pitch, width, height): (usize, usize, usize)) -> Self {
-        Self { pitch, width, height, solid_angle: 0.0 }
+        Self::new(pitch, width, height, 0.0)
     }
 }

@@ -4,9 +4,13 @@
 //! and triangles are float32 there. Beside them are the triangles as they came, in float64, in
 //! the order of the leaves.
 
+#![allow(clippy::inline_always)]
+
 use super::memory::with_room;
 use super::split::{Part, Range, split};
-use crate::Vector;
+use super::triangle::Corners;
+use crate::workers::Stop;
+use crate::{Error, Vector};
 use rayon::prelude::*;
 
 /// Children of a node, triangles of a leaf.
@@ -42,9 +46,29 @@ pub struct Block {
 
 /// A triangle as it came.
 #[derive(Clone, Copy)]
+#[repr(C, align(32))]
 pub struct Exact {
-    pub corners: [Vector; 3],
-    pub id: u32,
+    /// Fourth on the first axis is its row.
+    pub corners: Corners,
+}
+
+impl Exact {
+    fn new(corners: [Vector; 3], id: u32) -> Self {
+        let [a, b, c] = corners;
+        let mut corners = [0, 1, 2].map(|k| [a[k], b[k], c[k], a[k]]);
+        corners[0][3] = f64::from(id);
+        Self { corners }
+    }
+
+    /// The row of the triangle.
+    #[inline(always)]
+    pub fn id(&self) -> i64 {
+        self.corners[0][3] as i64
+    }
+
+    fn corner(&self, i: usize) -> Vector {
+        [0, 1, 2].map(|k| self.corners[k][i])
+    }
 }
 
 /// From the coordinates of the scene to those of the tree.
@@ -91,7 +115,10 @@ pub struct Tree {
 
 impl Tree {
     /// `triangles` must name vertices that exist.
-    pub fn new(vertices: &[Vector], triangles: &[[i64; 3]]) -> Self {
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn new(vertices: &[Vector], triangles: &[[i64; 3]], stop: &Stop) -> Result<Self, Error> {
         let corners = |id: u32| triangles[id as usize].map(|vertex| vertices[vertex as usize]);
         let ids = 0..triangles.len() as u32;
         let frame = Frame::around(ids.clone().flat_map(corners));
@@ -102,14 +129,16 @@ impl Tree {
             .collect();
         let mut branch = Branch::default();
         if !parts.is_empty() {
-            branch.grow(Range::all(&parts), &mut parts, 0);
+            stop.check()?;
+            branch.grow(Range::all(&parts), &mut parts, 0, stop)?;
         }
         let mut exact = with_room(parts.len());
         parts
             .par_iter()
             .with_min_len(PARALLEL)
-            .map(|part| Exact { corners: corners(part.id), id: part.id })
+            .map(|part| Exact::new(corners(part.id), part.id))
             .collect_into_vec(&mut exact);
+        stop.check()?;
         let mut blocks = with_room(branch.leaves.len());
         branch
             .leaves
@@ -117,9 +146,10 @@ impl Tree {
             .with_min_len(PARALLEL / WIDTH)
             .map(|&(first, count)| Block::new(frame, &exact, first, count))
             .collect_into_vec(&mut blocks);
+        stop.check()?;
         let mut nodes = with_room(branch.nodes.len());
         nodes.append(&mut branch.nodes);
-        Self { frame, nodes, blocks, exact }
+        Ok(Self { frame, nodes, blocks, exact })
     }
 }
 
@@ -141,7 +171,7 @@ impl Block {
             first,
         };
         for (lane, triangle) in exact[first as usize..][..count as usize].iter().enumerate() {
-            let [a, b, c] = triangle.corners;
+            let [a, b, c] = [0, 1, 2].map(|i| triangle.corner(i));
             let vertex = frame.place(a);
             // Below it, squares leave the range of float32; a wider margin does no harm.
             let mut extent = 1e-12_f32;
@@ -167,13 +197,21 @@ struct Branch {
 
 impl Branch {
     /// Appends the node over `range`; `parts` begin where the range does.
-    fn grow(&mut self, range: Range, parts: &mut [Part], depth: u32) {
+    fn grow(
+        &mut self,
+        range: Range,
+        parts: &mut [Part],
+        depth: u32,
+        stop: &Stop,
+    ) -> Result<(), Error> {
+        stop.check()?;
         let mut children = vec![range];
         while children.len() < WIDTH {
             let widest = (0..children.len())
                 .filter(|&i| children[i].len() > WIDTH)
                 .max_by(|&i, &j| children[i].area().total_cmp(&children[j].area()));
             let Some(widest) = widest else { break };
+            stop.check()?;
             let child = children[widest].clone();
             let here = child.first - range_start(&children);
             let (left, right) = split(&child, &mut parts[here..here + child.len()], depth);
@@ -197,22 +235,23 @@ impl Branch {
         if grown.iter().map(|(_, child, _)| child.len()).sum::<usize>() < PARALLEL {
             for (slot, child, parts) in grown {
                 self.nodes[row].children[slot] = self.nodes.len() as u32;
-                self.grow(child, parts, depth + 1);
+                self.grow(child, parts, depth + 1, stop)?;
             }
-            return;
+            return Ok(());
         }
-        let branches: Vec<(usize, Self)> = grown
+        let branches = grown
             .into_par_iter()
             .map(|(slot, child, parts)| {
                 let mut branch = Self::default();
-                branch.grow(child, parts, depth + 1);
-                (slot, branch)
+                branch.grow(child, parts, depth + 1, stop)?;
+                Ok((slot, branch))
             })
-            .collect();
+            .collect::<Result<Vec<_>, Error>>()?;
         for (slot, branch) in branches {
             self.nodes[row].children[slot] = self.nodes.len() as u32;
             self.append(branch);
         }
+        Ok(())
     }
 
     fn append(&mut self, branch: Self) {

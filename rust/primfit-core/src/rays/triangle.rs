@@ -9,8 +9,13 @@
 #![allow(clippy::inline_always)]
 // Lazy operators would be branches.
 #![allow(clippy::needless_bitwise_bool)]
+// Lanes are counted, so that the compiler sees whole vectors.
+#![allow(clippy::needless_range_loop)]
 
 use crate::Vector;
+
+/// The corners of a triangle by axis; what comes fourth does not count.
+pub type Corners = [[f64; 4]; 3];
 
 /// A ray made ready for many triangles.
 #[derive(Clone, Copy, Default)]
@@ -24,9 +29,16 @@ impl ShearedRay {
     /// `direction` must be finite and not zero.
     #[inline(always)]
     pub fn new(origin: Vector, direction: Vector) -> Self {
+        let [x, y, z] = direction.map(f64::abs);
+        Self::with_inverse(origin, direction, 1.0 / x.max(y).max(z))
+    }
+
+    /// The same when the inverse of the longest component is known, but for its sign.
+    #[inline(always)]
+    pub fn with_inverse(origin: Vector, direction: Vector, inverse: f64) -> Self {
         let axes = Self::axes_of(direction);
         let [kx, ky, kz] = axes;
-        let inverse = 1.0 / direction[kz];
+        let inverse = inverse.copysign(direction[kz]);
         Self { origin, axes, shear: [direction[kx] * inverse, direction[ky] * inverse, inverse] }
     }
 
@@ -53,26 +65,40 @@ impl ShearedRay {
 
     /// Distance to the triangle in units of the direction, at zero or beyond.
     #[inline(always)]
-    pub fn cast(&self, triangle: &[Vector; 3]) -> Option<f64> {
+    pub fn cast(&self, triangle: &Corners) -> Option<f64> {
         let [kx, ky, kz] = self.axes;
         let [sx, sy, sz] = self.shear;
-        let shifted = triangle.map(|vertex| {
-            let z = vertex[kz] - self.origin[kz];
-            [vertex[kx] - self.origin[kx] - sx * z, vertex[ky] - self.origin[ky] - sy * z, sz * z]
-        });
-        let [a, b, c] = shifted;
-        let u = cross(c, b);
-        let v = cross(a, c);
-        let w = cross(b, a);
-        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-            return None;
+        let [ox, oy, oz] = [kx, ky, kz].map(|k| self.origin[k]);
+        let (mut x, mut y, mut depth) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+        for i in 0..4 {
+            let z = triangle[kz][i] - oz;
+            x[i] = triangle[kx][i] - ox - sx * z;
+            y[i] = triangle[ky][i] - oy - sy * z;
+            depth[i] = sz * z;
         }
+        // Of each corner, the two others in turn.
+        let (after, before) = ([1, 2, 0, 3], [2, 0, 1, 3]);
+        let (mut sides, mut clear) = ([0.0; 4], [0.0; 4]);
+        for i in 0..4 {
+            let (left, right) = (x[before[i]] * y[after[i]], y[before[i]] * x[after[i]]);
+            sides[i] = left - right;
+            clear[i] = sides[i].abs() - CLEAR * (left.abs() + right.abs());
+        }
+        if !((clear[0] > 0.0) & (clear[1] > 0.0) & (clear[2] > 0.0)) {
+            for i in 0..3 {
+                let (a, b) = (before[i], after[i]);
+                sides[i] = cross([x[a], y[a], 0.0], [x[b], y[b], 0.0]);
+            }
+        }
+        let [u, v, w, _] = sides;
+        let is_inside =
+            ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
         let determinant = u + v + w;
-        if determinant == 0.0 {
+        if !is_inside | (determinant == 0.0) {
             return None;
         }
         // The mean of the depths lies between them, even at grazing incidence.
-        let depth = (u * a[2] + v * b[2] + w * c[2]) / determinant;
+        let depth = (u * depth[0] + v * depth[1] + w * depth[2]) / determinant;
         (depth >= 0.0).then_some(depth)
     }
 
@@ -83,9 +109,9 @@ impl ShearedRay {
         origin: Vector,
         [kx, ky, kz]: [usize; 3],
         [sx, sy, sz]: &[[f64; N]; 3],
-        triangle: &[Vector; 3],
+        triangle: &Corners,
     ) -> Option<[f64; N]> {
-        let [a, b, c] = triangle.map(|vertex| [kx, ky, kz].map(|k| vertex[k] - origin[k]));
+        let [a, b, c] = [0, 1, 2].map(|i| [kx, ky, kz].map(|k| triangle[k][i] - origin[k]));
         let mut is_clear = true;
         let mut depths = [0.0; N];
         for i in 0..N {

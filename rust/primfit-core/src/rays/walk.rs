@@ -2,13 +2,15 @@
 
 #![allow(clippy::inline_always)]
 
-use super::caster::{Hit, cast_at_all};
+use super::bundle::Bundle;
+use super::caster::Hit;
 use super::lanes::{Isa, Lanes, splat};
 use super::leaf::candidates;
-use super::ray::{Approach, Ray};
+use super::query::Query;
+use super::ray::Ray;
+use super::supply::{Next, Supply};
 use super::tree::{LEAF, Node, Tree, WIDTH};
 use super::triangle::ShearedRay;
-use crate::Vector;
 
 /// More than the children that can wait: seven a level, and `split::DEEPEST` levels and those of
 /// a halved set.
@@ -69,15 +71,22 @@ impl Walk {
         }
         let key =
             |slot: usize| u64::from(entry[slot].to_bits()) << 32 | u64::from(node.children[slot]);
-        let mut nearest = key(mask.trailing_zeros() as usize);
+        let one = key(mask.trailing_zeros() as usize);
         mask &= mask - 1;
+        if mask == 0 {
+            return Some(one as u32);
+        }
+        let other = key(mask.trailing_zeros() as usize);
+        mask &= mask - 1;
+        let mut nearest = one.min(other);
         let first = self.waiting;
+        self.stack[first] = one.max(other);
+        self.waiting += 1;
         while mask != 0 {
-            let mut other = key(mask.trailing_zeros() as usize);
+            let next = key(mask.trailing_zeros() as usize);
             mask &= mask - 1;
-            if other < nearest {
-                std::mem::swap(&mut nearest, &mut other);
-            }
+            let other = nearest.max(next);
+            nearest = nearest.min(next);
             // The farthest lies deepest.
             let mut place = self.waiting;
             while place > first && self.stack[place - 1] < other {
@@ -97,7 +106,7 @@ impl Walk {
             let triangle = &tree.exact[(first + mask.trailing_zeros()) as usize];
             mask &= mask - 1;
             if let Some(range) = self.exact.cast(&triangle.corners) {
-                let hit = Hit { range, triangle: i64::from(triangle.id) };
+                let hit = Hit { range, triangle: triangle.id() };
                 if hit.is_before(self.hit) {
                     self.hit = hit;
                     self.ray.stop_at(range);
@@ -121,21 +130,25 @@ impl Walk {
     }
 }
 
-/// Casts all rays, one after the other.
+/// Casts all rays, one after the other; whether all have a direction.
 #[inline(always)]
-pub fn cast<I: Isa>(tree: &Tree, origins: &[Vector], directions: &[Vector], hits: &mut [Hit]) {
-    let mut walk = Walk::idle();
-    for ((hit, &origin), &direction) in hits.iter_mut().zip(origins).zip(directions) {
-        *hit = match Ray::approach(origin, direction, &tree.frame) {
-            Approach::Passes => Hit::NONE,
-            Approach::Unclear => cast_at_all(tree, origin, direction),
-            Approach::Enters(ray) => {
-                let exact = ShearedRay::new(origin, direction);
+pub fn cast<I: Isa, Q: Query>(
+    tree: &Tree,
+    query: &mut Q,
+    bundle: &mut Bundle,
+    walk: &mut Walk,
+) -> bool {
+    let mut supply = Supply::new(bundle);
+    loop {
+        match supply.next::<I, Q>(tree, query) {
+            Next::Enters { row, direction, ray, exact } => {
                 walk.restart(ray, exact, Hit::NONE);
                 walk.finish::<I>(tree, 0);
-                walk.hit
+                query.answer(row, direction, walk.hit);
             }
-        };
+            Next::NoDirection => return false,
+            Next::NoMore => return true,
+        }
     }
 }
 

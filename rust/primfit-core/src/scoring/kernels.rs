@@ -3,7 +3,7 @@
 //! The loops are plain: the compiler makes vectors of them, once for each instruction set.
 
 use super::{Job, Score};
-use crate::instructions::Instructions;
+use crate::instructions::{Instructions, for_each_set};
 use crate::workers::Stop;
 use crate::{Error, Vector};
 use rayon::prelude::*;
@@ -19,38 +19,9 @@ const PLANES: usize = 16;
 /// What a perfect inlier adds to an MSAC score; a block of them fits 32 bits.
 const WHOLE: u16 = 1 << 15;
 
-/// Compiles a kernel once for each instruction set.
-macro_rules! for_each_instruction_set {
-    ($name:ident, $body:ident, $rows:literal, $bits:ident) => {
-        fn $name(instructions: Instructions, block: &Block<$rows>, plane: &Plane) -> $bits {
-            match instructions {
-                Instructions::Scalar => $body(block, plane),
-                #[cfg(target_arch = "x86_64")]
-                Instructions::Avx2 => {
-                    #[target_feature(enable = "avx2,fma")]
-                    fn avx2(block: &Block<$rows>, plane: &Plane) -> $bits {
-                        $body(block, plane)
-                    }
-                    // SAFETY: the processor has what the function is compiled for.
-                    unsafe { avx2(block, plane) }
-                }
-                #[cfg(target_arch = "x86_64")]
-                Instructions::Avx512 => {
-                    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
-                    fn avx512(block: &Block<$rows>, plane: &Plane) -> $bits {
-                        $body(block, plane)
-                    }
-                    // SAFETY: the processor has what the function is compiled for.
-                    unsafe { avx512(block, plane) }
-                }
-            }
-        }
-    };
-}
-
 /// The scorer for one float type.
 macro_rules! scorer {
-    ($module:ident, $float:ident, $bits:ident, $round:literal) => {
+    ($module:ident, $float:ident, $bits:ident, $signed:ident, $round:literal) => {
         pub mod $module {
             use super::*;
 
@@ -178,49 +149,48 @@ macro_rules! scorer {
                 }
             }
 
-            for_each_instruction_set!(near_count, near_count_body, 3, $bits);
-            for_each_instruction_set!(near_msac, near_msac_body, 3, $bits);
-            for_each_instruction_set!(front_count, front_count_body, 6, $bits);
-            for_each_instruction_set!(front_msac, front_msac_body, 6, $bits);
-
-            // Plain functions would not be compiled for the instruction set of their caller.
-            #[allow(clippy::inline_always)]
-            #[inline(always)]
-            fn near_count_body(Block([x, y, z]): &Block<3>, plane: &Plane) -> $bits {
-                (0..BLOCK)
-                    .map(|i| {
-                        let distance = distance(plane, [x[i], y[i], z[i]]);
-                        $bits::from(distance.abs() <= plane.threshold)
-                    })
-                    .sum()
+            for_each_set! {
+                fn near_count(block: &Block<3>, plane: &Plane) -> $bits {
+                    let Block([x, y, z]) = block;
+                    (0..BLOCK)
+                        .map(|i| {
+                            let distance = distance(plane, [x[i], y[i], z[i]]);
+                            $bits::from(distance.abs() <= plane.threshold)
+                        })
+                        .sum()
+                }
             }
 
-            #[allow(clippy::inline_always)]
-            #[inline(always)]
-            fn near_msac_body(Block([x, y, z]): &Block<3>, plane: &Plane) -> $bits {
-                gain((0..BLOCK).map(|i| loss(distance(plane, [x[i], y[i], z[i]]))))
+            for_each_set! {
+                fn near_msac(block: &Block<3>, plane: &Plane) -> $bits {
+                    let Block([x, y, z]) = block;
+                    gain((0..BLOCK).map(|i| loss(distance(plane, [x[i], y[i], z[i]]))))
+                }
             }
 
-            #[allow(clippy::inline_always)]
-            #[inline(always)]
-            fn front_count_body(Block([x, y, z, ux, uy, uz]): &Block<6>, plane: &Plane) -> $bits {
-                (0..BLOCK)
-                    .map(|i| {
-                        let distance = distance(plane, [x[i], y[i], z[i]]);
-                        // From behind the limit is negative, and no distance is below that.
-                        $bits::from(distance.abs() <= limit(plane, [ux[i], uy[i], uz[i]]))
-                    })
-                    .sum()
+            for_each_set! {
+                fn front_count(block: &Block<6>, plane: &Plane) -> $bits {
+                    let Block([x, y, z, ux, uy, uz]) = block;
+                    (0..BLOCK)
+                        .map(|i| {
+                            let distance = distance(plane, [x[i], y[i], z[i]]);
+                            // From behind the limit is negative, and no distance is below that.
+                            $bits::from(distance.abs() <= limit(plane, [ux[i], uy[i], uz[i]]))
+                        })
+                        .sum()
+                }
             }
 
-            #[allow(clippy::inline_always)]
-            #[inline(always)]
-            fn front_msac_body(Block([x, y, z, ux, uy, uz]): &Block<6>, plane: &Plane) -> $bits {
-                gain((0..BLOCK).map(|i| {
-                    let limit = limit(plane, [ux[i], uy[i], uz[i]]);
-                    let loss = loss(distance(plane, [x[i], y[i], z[i]]) / limit);
-                    if limit > 0.0 { loss } else { LOST }
-                }))
+            for_each_set! {
+                fn front_msac(block: &Block<6>, plane: &Plane) -> $bits {
+                    let Block([x, y, z, ux, uy, uz]) = block;
+                    gain((0..BLOCK).map(|i| {
+                        let limit = limit(plane, [ux[i], uy[i], uz[i]]);
+                        // All bits from behind, none else.
+                        let behind = limit.to_bits() as $signed >> ($signed::BITS - 1);
+                        loss(distance(plane, [x[i], y[i], z[i]]) / limit) | behind as $bits
+                    }))
+                }
             }
 
             #[allow(clippy::inline_always)]
@@ -238,24 +208,24 @@ macro_rules! scorer {
                 a.mul_add(x, b.mul_add(y, c * z))
             }
 
-            /// The square of a scaled distance, rounded into the lowest bits. NaN loses all.
+            /// The bits of the square of a scaled distance, rounded into the lowest of them.
             #[allow(clippy::inline_always)]
             #[inline(always)]
-            fn loss(distance: $float) -> $float {
-                let square = distance.mul_add(distance, ROUND);
-                if square < LOST { square } else { LOST }
+            fn loss(distance: $float) -> $bits {
+                distance.mul_add(distance, ROUND).to_bits()
             }
 
-            /// What is left of a block after the losses.
+            /// What is left of a block after the losses, each at most the whole. NaN loses it.
             #[allow(clippy::inline_always)]
             #[inline(always)]
-            fn gain(losses: impl Iterator<Item = $float>) -> $bits {
-                let lost = losses.fold(0, |sum: $bits, loss| sum.wrapping_add(loss.to_bits()));
-                LOST.to_bits().wrapping_mul(BLOCK as $bits).wrapping_sub(lost)
+            fn gain(losses: impl Iterator<Item = $bits>) -> $bits {
+                let whole = LOST.to_bits();
+                let lost = losses.fold(0, |sum: $bits, loss| sum.wrapping_add(loss.min(whole)));
+                whole.wrapping_mul(BLOCK as $bits).wrapping_sub(lost)
             }
         }
     };
 }
 
-scorer!(single, f32, u32, 12_582_912.0);
-scorer!(double, f64, u64, 6_755_399_441_055_744.0);
+scorer!(single, f32, u32, i32, 12_582_912.0);
+scorer!(double, f64, u64, i64, 6_755_399_441_055_744.0);
