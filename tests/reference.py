@@ -214,7 +214,7 @@ def local_planes(points, rows, sigma=None):
                 local = window[:k] - window[:k].mean(axis=0)
                 values, vectors = np.linalg.eigh(local.T @ local / k)
                 variance, least = values[0] * k / (k - 3), max(6.0, 288.0 / k)
-                if sigma is not None and variance <= 2.5 * sigma**2:
+                if sigma is not None and variance <= (1 + 4 * np.sqrt(2 / k)) * sigma**2:
                     variance, least = sigma**2, 6.0
                 flatness = values[1] / variance
                 distance = (window[: 4 * k] - window[:k].mean(axis=0)) @ vectors[:, 0]

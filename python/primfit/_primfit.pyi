@@ -92,14 +92,8 @@ class PointTree:
         NDArray[np.bool_],
     ]: ...
     def segment(
-        self,
-        sigma: NDArray[np.float64],
-        size: NDArray[np.int64],
-        seeds: NDArray[np.int64],
-        n_nearest: int,
-        n_looked_at: int,
-        n_jobs: int | None = None,
-    ) -> NDArray[np.int64]: ...
+        self, sigma: NDArray[np.float64] | None = None, n_jobs: int | None = None
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], int]: ...
 
 def carve(
     origins: NDArray[np.float64],

@@ -197,7 +197,7 @@ def detect_planes(
     Returns
     -------
     Planes
-        Takes about 600 bytes a point beyond the input.
+        Takes about 300 bytes a point beyond the input.
 
     Raises
     ------

@@ -12,18 +12,6 @@ from primfit._check import Floats, Ints
 _FEWEST = 10
 """Points below which there is no plane to be told from chance."""
 
-_FLATTEST = 1024.0
-"""Flatness from which all seeds are alike; a few bits of it must not order them either."""
-
-_STEPS = 4
-"""Classes of flatness within each doubling: seeds of one class come in the order of the cloud."""
-
-_NEIGHBORS = (10, 128)
-"""Least and most nearest neighbours that a point touches: half of what shows a plane."""
-
-_LARGE = 500_000
-"""Points from which fewer neighbours are looked at for those that bridge gaps."""
-
 
 @dataclass(frozen=True, eq=False)
 class FlatParts:
@@ -48,9 +36,10 @@ def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None =
     """Connected flat parts, without any scale given.
 
     Around each point the smallest neighbourhood is sought that is clearly flat; it tells the
-    noise there. Parts grow from the flattest seeds over the graph of touching points, compete for
-    the points, are put together where one plane explains two, and must be too unlikely to be
-    scattered points. Copies of a point count once.
+    noise there, and around it where edges and clutter tell none. Parts grow from the flattest
+    seeds over the graph of touching points, compete for the points, are cut in two or put
+    together as the points ask for, and must be too unlikely to be scattered points. Copies of a
+    point count once.
 
     Parameters
     ----------
@@ -68,13 +57,7 @@ def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None =
         tree = _primfit.PointTree(near)
         order = tree.order()
         given = None if sigma is None else np.ascontiguousarray(sigma[distinct[order]])
-        _, spread, flatness, size, _ = tree.local_planes(given, n_jobs)
-        rank = np.floor(_STEPS * np.log2(np.clip(flatness, 1.0 / _FLATTEST, _FLATTEST)))
-        seeds = np.lexsort((order, -rank))
-        n_neighbors = int(np.clip(np.median(size) / 2, *_NEIGHBORS))
-        n_looked_at = 96 if len(distinct) < _LARGE else 32
-        labels[order] = tree.segment(spread, size, seeds, n_neighbors, n_looked_at, n_jobs)
-        noise[order] = spread
+        labels[order], noise[order], n_neighbors = tree.segment(given, n_jobs)
     return FlatParts(labels[copy_of], noise[copy_of], n_neighbors)
 
 

@@ -1,7 +1,7 @@
 //! Whether points near a plane lie on a curved surface.
 
 use crate::Vector;
-use crate::spread::Spread;
+use crate::spread::{Spread, axes_across, dot};
 use nalgebra::{SMatrix, SVector};
 
 /// How much a surface bends.
@@ -17,7 +17,7 @@ impl Bend {
     /// Of the paraboloid that fits the points best by least squares of their heights over the
     /// plane; None when they do not tell one.
     pub fn of<'a>(points: impl Iterator<Item = &'a Vector>, spread: &Spread) -> Option<Self> {
-        let [first, second] = axes(&spread.normal);
+        let [first, second] = axes_across(&spread.normal);
         let unit = spread.variances[1].sqrt();
         let mut normal_matrix = SMatrix::<f64, 6, 6>::zeros();
         let mut right = SVector::<f64, 6>::zeros();
@@ -53,20 +53,4 @@ impl Bend {
             .fold(0.0, f64::max);
         Some(Self { turn, evidence: explained / variance.max(f64::MIN_POSITIVE) })
     }
-}
-
-/// Orthonormal directions across a unit vector.
-fn axes(normal: &Vector) -> [Vector; 2] {
-    let least = (1..3).fold(0, |k, j| if normal[j].abs() < normal[k].abs() { j } else { k });
-    let mut first = normal.map(|n| -n * normal[least]);
-    first[least] += 1.0;
-    let length = dot(&first, &first).sqrt();
-    first = first.map(|x| x / length);
-    let [a, b] = [normal, &first];
-    let second = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    [first, second]
-}
-
-fn dot(a: &Vector, b: &Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

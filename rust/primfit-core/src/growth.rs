@@ -3,7 +3,7 @@
 use crate::graph::Graph;
 use crate::neighbors::{PointTree, Search};
 use crate::normals::{LocalPlane, cut_plane};
-use crate::spread::Sums;
+use crate::spread::{Spread, Sums, dot};
 use crate::{Error, Workers};
 use std::collections::VecDeque;
 
@@ -11,6 +11,8 @@ use std::collections::VecDeque;
 pub const NOBODY: i32 = -1;
 /// Standard deviations within which a plane takes a point.
 const TAKE: f64 = 3.0;
+/// Cosine of the angle to a plane beyond which the neighbourhood of a point lies on another one.
+const ALONG: f64 = 0.9;
 /// Standard deviations within which a plane explains a point.
 const EXPLAIN: f64 = 2.0;
 /// Standard deviations from its own plane at which a point is no seed.
@@ -29,6 +31,13 @@ pub const FEWEST: usize = 10;
 /// Seeds between two questions to the caller.
 const CHUNK: usize = 256;
 
+/// A point from which a plane may grow, and the number of points that tell its first plane.
+#[derive(Debug, Clone, Copy)]
+pub struct Seed {
+    pub place: u32,
+    pub size: u32,
+}
+
 /// The label of each point: the plane that it lies on best in terms of its noise, or [`NOBODY`].
 ///
 /// A plane may grow over points of an earlier one; a seed that earlier planes explain is skipped.
@@ -38,8 +47,10 @@ const CHUNK: usize = 256;
 pub fn grow(
     tree: &PointTree,
     graph: &Graph,
+    noise: &[f32],
     local: &[LocalPlane],
-    seeds: &[u32],
+    step: usize,
+    seeds: &[Seed],
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
     let points = tree.points();
@@ -49,7 +60,10 @@ pub fn grow(
     let mut search = Search::default();
     let (mut within, mut members, mut queue) = (Vec::new(), Vec::new(), VecDeque::new());
     let mut number = 0;
-    for (i, &seed) in seeds.iter().enumerate() {
+    let is_along = |plane: &Spread, at: usize| {
+        !at.is_multiple_of(step) || dot(&local[at / step].normal, &plane.normal).abs() >= ALONG
+    };
+    for (i, &Seed { place: seed, size }) in seeds.iter().enumerate() {
         if i % CHUNK == 0 {
             workers.check()?;
         }
@@ -58,7 +72,7 @@ pub fn grow(
         if !is_new(&(seed as u32)) && !graph.of(seed).iter().any(is_new) {
             continue;
         }
-        let LocalPlane { sigma: given, size, .. } = local[seed];
+        let given = f64::from(noise[seed]);
         let window = tree.nearest(&points[seed], size as usize, &mut search);
         if window.len() < 4 {
             continue;
@@ -85,7 +99,10 @@ pub fn grow(
         while let Some(place) = queue.pop_front() {
             for &other in graph.of(place as usize) {
                 let at = other as usize;
-                if seen[at] == number || plane.distance(&points[at]).abs() >= TAKE * sigma {
+                if seen[at] == number
+                    || plane.distance(&points[at]).abs() >= TAKE * sigma
+                    || !is_along(&plane, at)
+                {
                     continue;
                 }
                 seen[at] = number;

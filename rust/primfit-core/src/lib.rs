@@ -3,6 +3,7 @@
 //! Nothing here knows of Python. Every result depends on the input alone: not on the number
 //! of threads, nor on the instruction set that the machine offers.
 
+mod acceptance;
 mod beams;
 mod bounds;
 mod carving;
@@ -17,12 +18,14 @@ mod instructions;
 mod likelihood;
 mod merging;
 mod neighbors;
+mod noise;
 mod normals;
 mod rays;
 mod regions;
 mod roughness;
 mod scoring;
 mod segmentation;
+mod splitting;
 mod spread;
 mod workers;
 
@@ -37,7 +40,7 @@ pub use neighbors::{Neighbor, PointTree};
 pub use normals::LocalPlane;
 pub use rays::{Gate, Hits, RayCaster, Readings, Transform, turned};
 pub use scoring::{Score, score_planes};
-pub use segmentation::segment;
+pub use segmentation::{Segmentation, segment};
 pub use workers::Workers;
 
 /// A point or a direction: x, y, z.

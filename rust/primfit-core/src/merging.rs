@@ -2,12 +2,14 @@
 
 use crate::graph::Graph;
 use crate::growth::NOBODY;
-use crate::regions::Region;
-use crate::roughness::Roughness;
-use std::collections::{BTreeSet, BinaryHeap};
+use crate::regions::{Region, SHARE};
+use crate::roughness::{Law, Surfaces};
+use crate::spread::Spread;
+use std::collections::{BTreeMap, BinaryHeap};
 
-/// Squared distance, in variances, that each point of the smaller plane may move.
-const MOVE: f64 = 2.56;
+/// Squared distance, in variances, that each point of the smaller of two planes may move.
+const MOVE_SMOOTH: f64 = 0.25;
+const MOVE_ROUGH: f64 = 2.56;
 /// What a plane costs, in variances, times the logarithm of its points.
 const PLANE: f64 = 4.0;
 /// How much larger than the smaller variance of two planes the common one may be.
@@ -17,16 +19,16 @@ const UNEQUAL: f64 = 4.0;
 ///
 /// Two are one when the sum of squared distances grows by less than a plane's parameters and the
 /// smaller plane's freedom to move are worth.
-pub fn merge(graph: &Graph, regions: &[Region], labels: &[i32]) -> Vec<i32> {
+pub fn merge(graph: &Graph, regions: &[Region], labels: &[i32], surfaces: Surfaces) -> Vec<i32> {
+    let freedom = Freedom::of(surfaces, regions);
     let mut regions = regions.to_vec();
     let mut touching = touching(graph, labels, regions.len());
     let mut version = vec![0_u32; regions.len()];
     let mut into: Vec<usize> = (0..regions.len()).collect();
-    let roughness = Roughness::of(&regions);
     let mut heap = BinaryHeap::new();
     for (a, others) in touching.iter().enumerate() {
-        for &b in others.range(a + 1..) {
-            heap.extend(Pair::of(&roughness, &regions, &version, a, b));
+        for (&b, &bonus) in others.range(a + 1..) {
+            heap.extend(Pair::of(freedom, &regions, &version, a, b, bonus));
         }
     }
     while let Some(Pair { a, b, versions, .. }) = heap.pop() {
@@ -37,15 +39,15 @@ pub fn merge(graph: &Graph, regions: &[Region], labels: &[i32]) -> Vec<i32> {
         into[b] = a;
         version[a] += 1;
         version[b] += 1;
-        for other in std::mem::take(&mut touching[b]) {
+        for (other, bonus) in std::mem::take(&mut touching[b]) {
             touching[other].remove(&b);
             if other != a {
-                touching[other].insert(a);
-                touching[a].insert(other);
+                *touching[other].entry(a).or_insert(0.0) += bonus;
+                *touching[a].entry(other).or_insert(0.0) += bonus;
             }
         }
-        for &other in &touching[a] {
-            heap.extend(Pair::of(&roughness, &regions, &version, a.min(other), a.max(other)));
+        for (&other, &bonus) in &touching[a] {
+            heap.extend(Pair::of(freedom, &regions, &version, a.min(other), a.max(other), bonus));
         }
     }
     labels
@@ -74,27 +76,22 @@ struct Pair {
 
 impl Pair {
     fn of(
-        roughness: &Roughness,
+        freedom: Freedom,
         regions: &[Region],
         version: &[u32],
         a: usize,
         b: usize,
+        bonus: f64,
     ) -> Option<Self> {
         let (first, second) = (&regions[a], &regions[b]);
         let both = joined(first, second);
         let planes = [first, second, &both].map(Region::spread);
-        let extents = planes.map(|plane| plane.variances[1].sqrt());
-        let variances = [(first, 0), (second, 1)].map(|(region, k)| {
-            let sigma = region.sigma(&planes[k]);
-            roughness.sigma(sigma, extents[k], extents[2]).powi(2)
-        });
+        let rise =
+            squares(&planes[2], &both) - squares(&planes[0], first) - squares(&planes[1], second);
         let counts = [first.moments.count, second.moments.count];
-        let variance = variances[0].max(variances[1]).min(UNEQUAL * variances[0].min(variances[1]));
-        let squares = |k: usize, count: f64| planes[k].variances[0] * count;
-        let both_count = counts[0] + counts[1];
-        let rise = squares(2, both_count) - squares(0, counts[0]) - squares(1, counts[1]);
-        let worth = PLANE * both_count.ln() + MOVE * counts[0].min(counts[1]);
-        let gain = (worth - rise / variance) / both_count;
+        let variance = freedom.variance([(first, &planes[0]), (second, &planes[1])], &planes[2]);
+        let worth = freedom.worth(counts) + 2.0 * bonus;
+        let gain = (worth - rise / variance) / (counts[0] + counts[1]);
         (gain > 0.0).then(|| Self { gain, a, b, versions: (version[a], version[b]) })
     }
 }
@@ -113,23 +110,75 @@ impl PartialOrd for Pair {
     }
 }
 
+/// How far two planes may be from one.
+#[derive(Debug, Clone, Copy)]
+pub struct Freedom {
+    surfaces: Surfaces,
+    law: Law,
+    squared_move: f64,
+}
+
+impl Freedom {
+    /// Of the planes of a cloud.
+    pub fn of(surfaces: Surfaces, regions: &[Region]) -> Self {
+        match surfaces {
+            Surfaces::Smooth => Self { surfaces, law: Law::WHITE, squared_move: MOVE_SMOOTH },
+            Surfaces::Rough => Self { surfaces, law: Law::of(regions), squared_move: MOVE_ROUGH },
+        }
+    }
+
+    /// Variance about the plane of both of two parts.
+    pub fn variance(&self, parts: [(&Region, &Spread); 2], both: &Spread) -> f64 {
+        let extent = |spread: &Spread| spread.variances[1].sqrt();
+        let [a, b] = parts.map(|(region, spread)| {
+            let sigma = region.sigma(spread, self.surfaces);
+            self.law.sigma(sigma, extent(spread), extent(both)).powi(2)
+        });
+        a.max(b).min(UNEQUAL * a.min(b))
+    }
+
+    /// How much the sum of squares may rise, in variances, when two parts of so many points become
+    /// one plane.
+    pub fn worth(&self, counts: [f64; 2]) -> f64 {
+        PLANE * (counts[0] + counts[1]).ln() + self.squared_move * counts[0].min(counts[1])
+    }
+}
+
+fn squares(spread: &Spread, region: &Region) -> f64 {
+    spread.variances[0] * region.moments.count
+}
+
 fn joined(a: &Region, b: &Region) -> Region {
     let moments = a.moments.joined(&b.moments);
     let [m, n] = [a, b].map(|region| region.moments.count);
     Region { moments, local_sigma: (m * a.local_sigma + n * b.local_sigma) / (m + n) }
 }
 
-fn touching(graph: &Graph, labels: &[i32], n: usize) -> Vec<BTreeSet<usize>> {
-    let mut touching = vec![BTreeSet::new(); n];
+/// For each region those that it touches, and by how much the logarithm of the shares of labels
+/// among neighbours grows when both are one: much where they interleave, little across an edge.
+fn touching(graph: &Graph, labels: &[i32], n: usize) -> Vec<BTreeMap<usize, f64>> {
+    let mut touching = vec![BTreeMap::new(); n];
+    let mut counts: Vec<(i32, f64)> = Vec::new();
     for (i, &label) in labels.iter().enumerate().filter(|(_, label)| **label != NOBODY) {
-        let mut last = label;
-        for &other in graph.of(i) {
+        let neighbors = graph.of(i);
+        counts.clear();
+        let mut own = 0.0;
+        for &other in neighbors {
             let other = labels[other as usize];
-            if other != NOBODY && other != label && other != last {
-                touching[label as usize].insert(other as usize);
-                touching[other as usize].insert(label as usize);
-                last = other;
+            if other == label {
+                own += 1.0;
+            } else if other != NOBODY {
+                match counts.iter_mut().find(|entry| entry.0 == other) {
+                    Some(entry) => entry.1 += 1.0,
+                    None => counts.push((other, 1.0)),
+                }
             }
+        }
+        let least = SHARE * neighbors.len() as f64;
+        for &(other, count) in &counts {
+            let bonus = ((own + count + least) / (own + least)).ln();
+            *touching[label as usize].entry(other as usize).or_insert(0.0) += bonus;
+            *touching[other as usize].entry(label as usize).or_insert(0.0) += bonus;
         }
     }
     touching

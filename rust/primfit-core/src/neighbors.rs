@@ -41,7 +41,9 @@ pub struct Neighbor {
 
 impl Neighbor {
     fn order(&self, other: &Self) -> std::cmp::Ordering {
-        self.squared.total_cmp(&other.squared).then(self.row.cmp(&other.row))
+        // Bits of floats that are not negative rise with them.
+        let key = |n: &Self| (n.squared.to_bits(), n.row);
+        key(self).cmp(&key(other))
     }
 }
 

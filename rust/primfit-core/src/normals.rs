@@ -22,8 +22,10 @@ const WIDER: usize = 4;
 const SUPPORT: f64 = 0.4;
 /// Standard deviations within which a point lies near the plane.
 const NEAR: f64 = 3.0;
-/// How much larger than the given variance that of a flat neighbourhood may be by chance.
-const THICKER: f64 = 2.5;
+/// Standard errors by which the variance of a flat neighbourhood may exceed the given one.
+const THICKER: f64 = 4.0;
+/// How much thicker than the noise a neighbourhood may be in which a plane is still looked for.
+pub const THICKEST: f64 = 3.0;
 /// Least standard deviation, as a fraction of the neighbourhood's radius: what rounding leaves.
 pub const FLOOR: f64 = 1e-7;
 
@@ -43,7 +45,7 @@ pub struct LocalPlane {
 }
 
 impl PointTree {
-    /// The plane around each point, in the order of the tree.
+    /// The plane around every `step`-th point, in the order of the tree.
     ///
     /// With `sigma`, the noise of each point in the same order, a neighbourhood is flat when it is
     /// as thin as that noise, whatever its chance variance.
@@ -53,10 +55,12 @@ impl PointTree {
     pub fn local_planes(
         &self,
         sigma: Option<&[f64]>,
+        step: usize,
         workers: &Workers,
     ) -> Result<Vec<LocalPlane>, Error> {
-        let mut planes = vec![LocalPlane::default(); self.points().len()];
+        let mut planes = vec![LocalPlane::default(); self.points().len().div_ceil(step)];
         workers.fill(&mut planes, 1, Search::default, |search, i, plane| {
+            let i = i * step;
             let point = &self.points()[i];
             let sigma = sigma.map(|sigma| sigma[i]);
             let found = self.nearest(point, FEW, search);
@@ -68,6 +72,29 @@ impl PointTree {
             };
         })?;
         Ok(planes)
+    }
+
+    /// Looks again at neighbourhoods that are not flat, now that the noise is known around them:
+    /// the largest one that is as thin.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn thin_planes(
+        &self,
+        local: &mut [LocalPlane],
+        noise: &[f32],
+        step: usize,
+        workers: &Workers,
+    ) -> Result<(), Error> {
+        workers.fill(local, 1, Search::default, |search, i, plane| {
+            let i = i * step;
+            let sigma = f64::from(noise[i]);
+            if !plane[0].is_flat && plane[0].sigma <= THICKEST * sigma {
+                let point = &self.points()[i];
+                plane[0] =
+                    self.flattest(point, self.nearest(point, MOST, search), Some(sigma), MOST);
+            }
+        })
     }
 
     /// The plane of the first size that is flat, up to `largest`; else of the flattest.
@@ -96,7 +123,9 @@ impl PointTree {
             let n = size as f64;
             let thin = (thin * n / (n - 3.0)).max(FLOOR * FLOOR * long).max(f64::MIN_POSITIVE);
             let (variance, least) = match sigma {
-                Some(sigma) if thin <= THICKER * sigma * sigma => (sigma * sigma, FLAT),
+                Some(sigma) if thin <= (1.0 + THICKER * (2.0 / n).sqrt()) * sigma * sigma => {
+                    (sigma * sigma, FLAT)
+                }
                 _ => (thin, FLAT.max(FLAT_BY_CHANCE / n)),
             };
             let flatness = middle / variance;

@@ -3,14 +3,19 @@
 use crate::graph::Graph;
 use crate::growth::NOBODY;
 use crate::normals::FLOOR;
+use crate::roughness::Surfaces;
 use crate::spread::{Moments, Spread};
 use crate::{Error, Vector, Workers};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 /// Least share of a point's neighbours that a label counts with.
-const SHARE: f64 = 0.02;
+pub const SHARE: f64 = 0.02;
 /// Standard deviations beyond which a plane does not take a point.
 const REACH: f64 = 4.0;
+
+/// How much farther from a smooth plane than their noise its points may be: the estimate of the
+/// noise is not perfect, but with more than that a plane would swallow what is beside it.
+const SLACK: f64 = 1.3;
 
 /// A plane and the points that carry its label.
 #[derive(Debug, Clone, Copy, Default)]
@@ -27,10 +32,16 @@ impl Region {
         self.moments.spread()
     }
 
-    /// Standard deviation of its points about it, not less than their noise.
-    pub fn sigma(&self, spread: &Spread) -> f64 {
-        let floor = FLOOR * spread.variances[2].sqrt();
-        spread.variances[0].sqrt().max(self.local_sigma).max(floor).max(f64::MIN_POSITIVE)
+    /// Standard deviation about its plane: not less than the noise of its points, nor than what
+    /// rounding leaves; not much more where surfaces are smooth.
+    pub fn sigma(&self, spread: &Spread, surfaces: Surfaces) -> f64 {
+        let floor = (FLOOR * spread.variances[2].sqrt()).max(f64::MIN_POSITIVE);
+        let least = self.local_sigma.max(floor);
+        let most = match surfaces {
+            Surfaces::Smooth => SLACK * least,
+            Surfaces::Rough => f64::INFINITY,
+        };
+        spread.variances[0].sqrt().clamp(least, most)
     }
 }
 
@@ -72,7 +83,7 @@ impl Members {
 }
 
 /// The plane of each label.
-pub fn fit(points: &[Vector], sigma: &[f64], labels: &[i32], workers: &Workers) -> Vec<Region> {
+pub fn fit(points: &[Vector], noise: &[f32], labels: &[i32], workers: &Workers) -> Vec<Region> {
     let members = Members::of(labels);
     let numbers: Vec<usize> = (0..members.len()).collect();
     workers.install(|| {
@@ -83,11 +94,11 @@ pub fn fit(points: &[Vector], sigma: &[f64], labels: &[i32], workers: &Workers) 
                 let Some(&first) = places.first() else { return Region::default() };
                 let origin = points[first as usize];
                 let own = places.iter().map(|&place| &points[place as usize]);
-                let mut noise: Vec<f64> =
-                    places.iter().map(|&place| sigma[place as usize]).collect();
+                let mut noise: Vec<f32> =
+                    places.iter().map(|&place| noise[place as usize]).collect();
                 let (_, &mut local_sigma, _) =
-                    noise.select_nth_unstable_by(places.len() / 2, f64::total_cmp);
-                Region { moments: Moments::of(own, &origin), local_sigma }
+                    noise.select_nth_unstable_by(places.len() / 2, f32::total_cmp);
+                Region { moments: Moments::of(own, &origin), local_sigma: f64::from(local_sigma) }
             })
             .collect()
     })
@@ -106,13 +117,14 @@ pub fn compete(
     graph: &Graph,
     regions: &[Region],
     labels: &[i32],
+    surfaces: Surfaces,
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
     let planes: Vec<(Spread, f64)> = regions
         .iter()
         .map(|region| {
             let spread = region.spread();
-            (spread, region.sigma(&spread))
+            (spread, region.sigma(&spread, surfaces))
         })
         .collect();
     let mut next = vec![NOBODY; labels.len()];

@@ -1,145 +1,115 @@
-//! The planes of a cloud of which nothing is known: grown, in competition, merged, tested.
+//! The planes of a cloud of which nothing is known: grown, in competition, cut, merged, tested.
 
-use crate::curvature::Bend;
+use crate::acceptance::accept;
 use crate::graph::Graph;
-use crate::growth::{FEWEST, NOBODY, grow};
+use crate::growth::{FEWEST, NOBODY, Seed, grow};
 use crate::merging::merge;
-use crate::neighbors::{PointTree, Search};
-use crate::normals::{FLAT, FLOOR, LocalPlane};
-use crate::regions::{self, Members, Region};
-use crate::spread::Spread;
-use crate::{Error, Vector, Workers};
+use crate::neighbors::PointTree;
+use crate::noise::spread_noise;
+use crate::normals::{LocalPlane, THICKEST};
+use crate::regions::{self, compete};
+use crate::roughness::Surfaces;
+use crate::splitting::split;
+use crate::{Error, Workers};
 
-/// Rounds of competition; planes are merged after every second one.
-const SWEEPS: usize = 8;
-/// Least share of the labelled neighbours among the neighbours with this label or none.
-const PURITY: f64 = 0.5;
-/// Least logarithm of the likelihood ratio of a plane to scattered points.
-const EVIDENCE: f64 = 5.0;
-/// Turn of the normal from side to side, radians, from which a part is curved, if it is so with
-/// this evidence.
-const BENT: f64 = 0.15;
-const CURVED: f64 = 16.0;
-/// Points of a plane around which it is compared with scattered ones.
-const SAMPLES: usize = 16;
-/// How much denser the points must lie on the plane than on its denser side: 8 times in a Gaussian
-/// layer, as dense in a filled volume, even at its faces.
-const PEAK: f64 = 1.5;
-/// Standard deviations that such a point may lie off the plane, and share of a Gaussian within.
-const BAND: f64 = 1.5;
-const IN_BAND: f64 = 0.87;
+/// Points of which each gets a local plane; of more, every second, third ... up to eighth does.
+const MOST_LOCAL: usize = 250_000;
+const MOST_STEP: usize = 8;
+/// Least and most nearest neighbours that a point touches: half of what shows a plane.
+const NEAREST: (usize, usize) = (10, 64);
+/// Neighbours that are looked at for those that bridge gaps, fewer in clouds that are large.
+const LOOKED_AT: (usize, usize) = (32, 96);
+const LARGE: usize = 500_000;
+/// Flatness from which all seeds are alike; a few bits of it must not order them either.
+const FLATTEST: f64 = 1024.0;
+/// Classes of flatness within each doubling.
+const STEPS: f64 = 4.0;
+/// Rounds of competition, splitting and merging, and sweeps of competition that begin them.
+const ROUNDS: usize = 4;
+const SWEEPS: usize = 2;
 
-/// Labels of the points of a tree, in its order: planes are numbered by falling size, -1 for none.
+/// The planes of a cloud.
+pub struct Segmentation {
+    /// Plane of each point in the order of the tree, numbered by falling size; -1 for none.
+    pub labels: Vec<i32>,
+    /// Noise around each point, given or estimated.
+    pub sigma: Vec<f64>,
+    /// Nearest points that a point touches.
+    pub n_nearest: usize,
+}
+
+/// Segments the points of a tree; `sigma` is the noise of each in the order of the tree, if known.
 ///
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
 pub fn segment(
     tree: &PointTree,
-    local: &[LocalPlane],
-    seeds: &[u32],
-    n_nearest: usize,
-    n_looked_at: usize,
+    sigma: Option<&[f64]>,
     workers: &Workers,
-) -> Result<Vec<i32>, Error> {
+) -> Result<Segmentation, Error> {
     let points = tree.points();
-    let sigma: Vec<f64> = local.iter().map(|plane| plane.sigma).collect();
+    if points.len() < FEWEST {
+        let sigma = sigma.map_or_else(|| vec![0.0; points.len()], <[f64]>::to_vec);
+        return Ok(Segmentation { labels: vec![NOBODY; points.len()], sigma, n_nearest: 0 });
+    }
+    let step = points.len().div_ceil(MOST_LOCAL).min(MOST_STEP);
+    let mut local = tree.local_planes(sigma, step, workers)?;
+    let n_nearest = (median_size(&local) / 2).clamp(NEAREST.0, NEAREST.1);
+    let n_looked_at = if points.len() < LARGE { LOOKED_AT.1 } else { LOOKED_AT.0 };
     let graph = Graph::new(tree, n_nearest, n_looked_at, workers)?;
-    let mut labels = grow(tree, &graph, local, seeds, workers)?;
-    for sweep in 1..=SWEEPS {
-        let found = regions::fit(points, &sigma, &labels, workers);
-        labels = regions::compete(points, &graph, &found, &labels, workers)?;
-        if sweep % 2 == 0 {
-            let found = regions::fit(points, &sigma, &labels, workers);
-            labels = merge(&graph, &found, &labels);
+    let (noise, surfaces): (Vec<f32>, _) = if let Some(sigma) = sigma {
+        (sigma.iter().map(|&sigma| sigma as f32).collect(), Surfaces::Smooth)
+    } else {
+        let noise = spread_noise(&graph, &local, step, points.len(), workers)?;
+        tree.thin_planes(&mut local, &noise, step, workers)?;
+        (noise, Surfaces::of(tree, &local, step, workers)?)
+    };
+    let seeds = seeds(tree, &local, step, &noise);
+    let mut labels = grow(tree, &graph, &noise, &local, step, &seeds, workers)?;
+    let fitted = |labels: &[i32]| regions::fit(points, &noise, labels, workers);
+    let swept = |labels: Vec<i32>| {
+        (0..SWEEPS).try_fold(labels, |labels, _| {
+            compete(points, &graph, &fitted(&labels), &labels, surfaces, workers)
+        })
+    };
+    for _ in 0..ROUNDS {
+        labels = swept(labels)?;
+        if surfaces == Surfaces::Smooth {
+            labels = split(points, &fitted(&labels), &labels, workers);
+            labels = compete(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;
         }
+        labels = merge(&graph, &fitted(&labels), &labels, surfaces);
     }
-    let parts = regions::components(&graph, &labels);
-    let found = regions::fit(points, &sigma, &parts, workers);
-    let members = Members::of(&parts);
-    let mut accepted = vec![false; found.len()];
-    workers.fill(&mut accepted, 1, Search::default, |search, k, accepted| {
-        let test = Test { tree, graph: &graph, labels: &parts, region: &found[k] };
-        accepted[0] = test.passes(k as i32, members.get(k), search);
-    })?;
-    let mut order: Vec<usize> = (0..found.len()).filter(|&k| accepted[k]).collect();
-    order.sort_by_key(|&k| std::cmp::Reverse(members.get(k).len()));
-    let mut result = vec![NOBODY; parts.len()];
-    for (&k, number) in order.iter().zip(0..) {
-        for &place in members.get(k) {
-            result[place as usize] = number;
-        }
-    }
-    Ok(result)
+    labels = swept(accept(tree, &graph, &noise, &labels, surfaces, workers)?)?;
+    labels = merge(&graph, &fitted(&labels), &labels, surfaces);
+    labels = accept(tree, &graph, &noise, &labels, surfaces, workers)?;
+    let known =
+        |i: usize| if noise[i].is_nan() { local[i / step].sigma } else { f64::from(noise[i]) };
+    let sigma = (0..points.len()).map(known).collect();
+    Ok(Segmentation { labels, sigma, n_nearest })
 }
 
-/// Whether a connected region is a plane, or points that happen to lie near one.
-struct Test<'a> {
-    tree: &'a PointTree,
-    graph: &'a Graph,
-    labels: &'a [i32],
-    region: &'a Region,
+fn median_size(local: &[LocalPlane]) -> usize {
+    let mut sizes: Vec<u32> = local.iter().map(|plane| plane.size).collect();
+    let middle = sizes.len() / 2;
+    *sizes.select_nth_unstable(middle).1 as usize
 }
 
-impl Test<'_> {
-    fn passes(&self, label: i32, places: &[u32], search: &mut Search) -> bool {
-        let spread = self.region.spread();
-        let [thin, middle, long] = spread.variances;
-        places.len() >= FEWEST
-            && middle > FLAT * thin.max(FLOOR * FLOOR * long)
-            && self.purity(label, places) >= PURITY
-            && !self.is_bent(&spread, places)
-            && self.evidence(label, places, search) > EVIDENCE
-    }
-
-    fn is_bent(&self, spread: &Spread, places: &[u32]) -> bool {
-        let points = places.iter().map(|&place| &self.tree.points()[place as usize]);
-        Bend::of(points, spread).is_some_and(|bend| bend.turn > BENT && bend.evidence > CURVED)
-    }
-
-    fn purity(&self, label: i32, places: &[u32]) -> f64 {
-        let (mut same, mut nobody) = (0, 0);
-        for &place in places {
-            for &other in self.graph.of(place as usize) {
-                let other = self.labels[other as usize];
-                same += i64::from(other == label);
-                nobody += i64::from(other == NOBODY);
-            }
-        }
-        same as f64 / (same + nobody).max(1) as f64
-    }
-
-    /// A-contrario (Desolneux, Moisan, Morel: From Gestalt theory to image analysis, 2008): how
-    /// unlikely it is that scattered points fill the plane's layer of a ball as much.
-    fn evidence(&self, label: i32, places: &[u32], search: &mut Search) -> f64 {
-        let points: &[Vector] = self.tree.points();
-        let spread = self.region.spread();
-        let sigma = self.region.sigma(&spread);
-        let (mut inside, mut all, mut chance) = (0.0, 0.0, 0.0);
-        let (mut core, mut sides) = (0.0, [0.0_f64; 2]);
-        for sample in 0..SAMPLES {
-            let place = places[sample * places.len() / SAMPLES] as usize;
-            let far = (10.0 * sigma).max(self.graph.reach(place, points));
-            let radius = far.min(2.0 * spread.variances[1].sqrt());
-            let ball = self.tree.within(&points[place], radius, search);
-            all += ball.len() as f64;
-            for place in ball.iter().map(|n| n.place as usize) {
-                let off = spread.distance(&points[place]) / sigma;
-                inside += f64::from(self.labels[place] == label && off.abs() <= BAND);
-                core += f64::from(off.abs() <= 1.0);
-                if off.abs() > BAND && off.abs() <= 2.0 * BAND {
-                    sides[usize::from(off > 0.0)] += 1.0;
-                }
-            }
-            let h = (BAND * sigma / radius).min(1.0);
-            chance += 1.5 * h - 0.5 * h * h * h;
-        }
-        let p = chance / SAMPLES as f64;
-        let f = inside / f64::max(all, 1.0);
-        if f <= p || core / 2.0 <= PEAK * sides[0].max(sides[1]) / BAND {
-            return f64::NEG_INFINITY;
-        }
-        let rest = if f < 1.0 { (1.0 - f) * ((1.0 - f) / (1.0 - p)).ln() } else { 0.0 };
-        let divergence = f * (f / p).ln() + rest;
-        IN_BAND * places.len() as f64 / f * divergence - (12.0 * points.len() as f64).ln()
-    }
+/// Points from which planes may grow, the flattest first; those alike in the order of the cloud.
+fn seeds(tree: &PointTree, local: &[LocalPlane], step: usize, noise: &[f32]) -> Vec<Seed> {
+    let mut seeds: Vec<(i64, u32, Seed)> = local
+        .iter()
+        .zip((0..).step_by(step))
+        .filter(|(plane, place)| {
+            plane.is_flat || plane.sigma <= THICKEST * f64::from(noise[*place])
+        })
+        .map(|(plane, place)| {
+            let flatness = plane.flatness.clamp(1.0 / FLATTEST, FLATTEST);
+            let class = (STEPS * flatness.log2()).floor() as i64;
+            let seed = Seed { place: place as u32, size: plane.size };
+            (-class, tree.rows()[place], seed)
+        })
+        .collect();
+    seeds.sort_unstable_by_key(|(class, row, _)| (*class, *row));
+    seeds.into_iter().map(|(.., seed)| seed).collect()
 }

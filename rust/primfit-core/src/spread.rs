@@ -156,3 +156,20 @@ fn rotate(a: &mut [[f64; 3]; 3], axes: &mut [[f64; 3]; 3], p: usize, q: usize) {
 fn products(v: &Vector) -> [f64; 6] {
     [v[0] * v[0], v[0] * v[1], v[0] * v[2], v[1] * v[1], v[1] * v[2], v[2] * v[2]]
 }
+
+/// Orthonormal directions across a unit vector.
+pub fn axes_across(normal: &Vector) -> [Vector; 2] {
+    let least = (1..3).fold(0, |k, j| if normal[j].abs() < normal[k].abs() { j } else { k });
+    let mut first = normal.map(|n| -n * normal[least]);
+    first[least] += 1.0;
+    let length = dot(&first, &first).sqrt();
+    first = first.map(|x| x / length);
+    let [a, b] = [normal, &first];
+    let second = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    [first, second]
+}
+
+/// Scalar product.
+pub fn dot(a: &Vector, b: &Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}

@@ -8,6 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 type Neighbors<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>);
+type Segments<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<f64>>, usize);
 type LocalPlanes<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<f64>>,
@@ -71,7 +72,7 @@ impl PointTree {
         if let Some(sigma) = sigma {
             same_length("sigma", sigma.len(), "points", self.0.points().len())?;
         }
-        let planes = door::enter(py, n_jobs, |workers| self.0.local_planes(sigma, workers))?;
+        let planes = door::enter(py, n_jobs, |workers| self.0.local_planes(sigma, 1, workers))?;
         let normals: Vec<f64> = planes.iter().flat_map(|plane| plane.normal).collect();
         let column = |value: fn(&LocalPlane) -> f64| -> Bound<'py, PyArray1<f64>> {
             planes.iter().map(value).collect::<Vec<f64>>().into_pyarray(py)
@@ -87,35 +88,22 @@ impl PointTree {
         ))
     }
 
-    /// The plane of each point in the order of the tree, -1 for none.
-    #[pyo3(signature = (sigma, size, seeds, n_nearest, n_looked_at, n_jobs=None))]
-    #[allow(clippy::too_many_arguments)]
+    /// The plane of each point in the order of the tree, -1 for none; the noise around each; the
+    /// number of nearest points that a point touches.
+    #[pyo3(signature = (sigma=None, n_jobs=None))]
     fn segment<'py>(
         &self,
         py: Python<'py>,
-        sigma: PyReadonlyArray1<f64>,
-        size: PyReadonlyArray1<i64>,
-        seeds: PyReadonlyArray1<i64>,
-        n_nearest: usize,
-        n_looked_at: usize,
+        sigma: Option<PyReadonlyArray1<f64>>,
         n_jobs: Option<usize>,
-    ) -> PyResult<Bound<'py, PyArray1<i64>>> {
-        let (sigma, size) = (sigma.as_slice()?, size.as_slice()?);
-        let n = self.0.points().len();
-        same_length("sigma", sigma.len(), "points", n)?;
-        same_length("size", size.len(), "points", n)?;
-        let local: Vec<LocalPlane> = sigma
-            .iter()
-            .zip(size)
-            .map(|(&sigma, &size)| LocalPlane { sigma, size: size as u32, ..LocalPlane::default() })
-            .collect();
-        let seeds: Vec<u32> = seeds.as_slice()?.iter().map(|&seed| seed as u32).collect();
-        if seeds.iter().any(|&seed| seed as usize >= n) {
-            return Err(PyValueError::new_err("seeds must be places within the tree"));
+    ) -> PyResult<Segments<'py>> {
+        let sigma = sigma.as_ref().map(|sigma| sigma.as_slice()).transpose()?;
+        if let Some(sigma) = sigma {
+            same_length("sigma", sigma.len(), "points", self.0.points().len())?;
         }
-        let labels = door::enter(py, n_jobs, |workers| {
-            primfit_core::segment(&self.0, &local, &seeds, n_nearest, n_looked_at, workers)
-        })?;
-        Ok(labels.into_iter().map(i64::from).collect::<Vec<i64>>().into_pyarray(py))
+        let found =
+            door::enter(py, n_jobs, |workers| primfit_core::segment(&self.0, sigma, workers))?;
+        let labels: Vec<i64> = found.labels.into_iter().map(i64::from).collect();
+        Ok((labels.into_pyarray(py), found.sigma.into_pyarray(py), found.n_nearest))
     }
 }
