@@ -22,9 +22,10 @@ import numpy as np
 from scipy.stats import chi2
 
 import primfit
+from primfit.beams import Noise
 from primfit.fitting import climb
 from primfit.footprints import symmetry_angle
-from primfit.scene import Noise, Obstacle, Scene
+from primfit.scene import Obstacle, Scene
 from primfit.templates import TEMPLATES
 
 KINDS = ("triangle", "square", "rectangle", "pentagon")

@@ -11,20 +11,20 @@ from scipy.stats import chi2
 
 import primfit
 from primfit import _primfit
+from primfit.beams import Noise
 from primfit.evolution import evolve
 from primfit.fitting import approach, climb, find_top, settle
 from primfit.noise import estimate_range_sigma
 from primfit.sampling import Effort, sample
-from primfit.scene import Noise, Obstacle, Scene
+from primfit.scene import Obstacle, Scene
 from primfit.templates import RECTANGLE, SQUARE, STARS, TEMPLATES, FreePolygon, kin
 
 ROOM = primfit.World([], primfit.Arena((1, 1)))
 
 
-def scanned(world, noise, seed, spacing=0.25, columns=100):
-    path = primfit.grid_path(world, spacing, rng=seed)
-    lidar = primfit.Lidar(noise=noise, horizontal_resolution=columns)
-    return primfit.scan(world, path, lidar, rng=seed)
+def scanned(world, noise, seed):
+    path = primfit.grid_path(world, 0.25, rng=seed)
+    return primfit.scan(world, path, primfit.Lidar(noise=noise), rng=seed)
 
 
 def scene_of(solid, noise, seed=1):
@@ -287,106 +287,6 @@ def test_a_map_at_any_noise(noise, most_mm):
     for row in report.rows:
         solid = found.solids[row.detection]
         assert solid.height == pytest.approx(0.2, abs=max(4 * solid.height_sigma, 2e-3))
-
-
-def test_a_star_and_an_l_block():
-    for world, kind in (
-        (primfit.random_world(1, 1.2, ["star"], rng=5), "star"),
-        (
-            primfit.World(
-                [
-                    primfit.Prism(
-                        [(0.4, 0.4), (0.8, 0.4), (0.8, 0.6), (0.6, 0.6), (0.6, 0.8), (0.4, 0.8)]
-                    )
-                ],
-                primfit.Arena((1.2, 1.2)),
-            ),
-            "polygon",
-        ),
-    ):
-        found = primfit.detect(scanned(world, 0.01, 1, 0.125), rng=1)
-        assert [each.kind for each in found.solids] == [kind]
-        assert len(found.solids[0].footprint) == len(world.solids[0].footprint)
-        report = primfit.evaluate(found, world)
-        assert report.rows[0].center_error_mm < 0.5
-        assert report.rows[0].angle_error_deg < 0.2
-
-
-def test_eight_planes_for_a_square_and_its_height():
-    solid = primfit.Prism.regular(4, 0.25, center=(0.5, 0.5), angle=0.3, height=0.15)
-    world = primfit.World([solid], primfit.Arena((1, 1)))
-    found = primfit.detect(scanned(world, 0.05, 1, 0.125), rng=1)
-    assert len(found.planes) == 8
-    assert [each.kind for each in found.solids] == ["square"]
-    assert found.solids[0].height == pytest.approx(0.15, abs=0.01)
-    assert found.solids[0].sigmas["height"] < 0.01
-    assert found.solids[0].observed == (True, True, True, True, False, False)
-    for number in found.solids[0].planes:
-        plane = found.planes[number]
-        corners = plane.boundary
-        np.testing.assert_allclose(corners @ plane.equation[:3] + plane.equation[3], 0.0, atol=1e-9)
-        middle = np.array([0.5, 0.5, 0.0])
-        assert plane.equation[:3] @ middle + plane.equation[3] < 0.0
-        assert plane.area == pytest.approx(0.25 * 0.15, rel=0.05)
-        assert np.linalg.matrix_rank(plane.covariance, tol=1e-12) <= 3
-        assert plane.rms == pytest.approx(0.05, rel=0.1)
-
-
-def test_low_solids_are_seen_from_above():
-    solids = [
-        primfit.Prism.regular(4, 0.2, center=(0.3, 0.3), height=0.03),
-        primfit.Prism.regular(3, 0.25, center=(0.7, 0.7), height=0.1),
-    ]
-    world = primfit.World(solids, primfit.Arena((1, 1)))
-    found = primfit.detect(scanned(world, 0.005, 1, 0.125), rng=1)
-    assert primfit.evaluate(found, world).all_right
-    low = min(found.solids, key=lambda each: each.top)
-    assert low.height == pytest.approx(0.03, abs=2e-3)
-    assert low.observed[-1]
-
-
-def test_sigma_that_is_not_given_is_measured():
-    world = primfit.random_world(rng=602)
-    scan = replace(scanned(world, 0.05, 602), sigma=None)
-    found = primfit.detect(scan, rng=1)
-    assert found.sigma == pytest.approx(0.05, rel=0.02)
-    assert primfit.evaluate(found, world).all_right
-
-
-@pytest.mark.parametrize("damage", ["outliers", "lost"])
-def test_outliers_and_lost_returns_are_counted_and_borne(damage):
-    world = primfit.random_world(rng=603)
-    scan = scanned(world, 0.01, 603)
-    rng = np.random.default_rng(1)
-    ranges = scan.ranges.copy()
-    if damage == "outliers":
-        hit = scan.is_return & (rng.random(len(scan)) < 0.05)
-        ranges[hit] = rng.uniform(0.0, 1.0, hit.sum())
-    else:
-        ranges[rng.random(len(scan)) < 0.1] = np.inf
-    damaged = primfit.Scan.from_rays(
-        scan.origins, scan.directions, ranges, scan.sigma, max_range=scan.max_range
-    )
-    found = primfit.detect(damaged, rng=1)
-    report = primfit.evaluate(found, world)
-    assert report.all_right
-    assert max(row.center_error_mm for row in report.rows) < 1.0
-    share = {"outliers": 0.05, "lost": 0.1}[damage]
-    assert found.settings[damage] == pytest.approx(share, rel=0.2)
-
-
-def test_without_an_arena():
-    solid = primfit.Prism.regular(3, 0.3, center=(0.2, 0.1), angle=0.3)
-    world = primfit.World([solid])
-    found = primfit.detect(scanned(world, 0.05, 1, 0.2), rng=1)
-    assert found.arena is None
-    assert [each.kind for each in found.solids] == ["triangle"]
-
-
-def test_an_empty_room():
-    found = primfit.detect(scanned(ROOM, 0.05, 1), rng=1)
-    assert not found.solids
-    np.testing.assert_allclose(found.arena.size, (1.0, 1.0), atol=0.01)
 
 
 def test_bits_do_not_depend_on_threads(small_scan):

@@ -8,10 +8,11 @@ import numpy as np
 import shapely
 
 from primfit._check import Floats
+from primfit.beams import Beams
 from primfit.carving import Seed
 from primfit.fitting import Fit, Top, approach, climb, find_top, settle
 from primfit.sampling import Effort
-from primfit.scene import Beams, Obstacle, Scene
+from primfit.scene import Obstacle, Scene
 from primfit.templates import TEMPLATES, Shape, Template, kin
 
 _OUT = 0.1

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from primfit._check import Floats
+from primfit.beams import Beams, Local
 from primfit.evolution import evolve
 from primfit.sampling import FEW, Effort, Posterior, sample
-from primfit.scene import Beams, Local
 from primfit.templates import Shape
 
 _BLUR = 0.05

@@ -15,6 +15,7 @@ import numpy as np
 from tqdm import tqdm
 
 from primfit._check import n_jobs_or_none
+from primfit.beams import LEAST_SIGMA, Noise
 from primfit.carving import Seed, carve
 from primfit.competition import (
     ALL_BEAMS,
@@ -31,7 +32,7 @@ from primfit.planes import Progress, check_enough, cloud_of, find_floor
 from primfit.repair import LEAST_GAIN, MISFIT, repair
 from primfit.sampling import QUICK, THOROUGH
 from primfit.scans import Scan, as_sigma
-from primfit.scene import LEAST_SIGMA, Noise, Obstacle, Scene
+from primfit.scene import Obstacle, Scene
 from primfit.surroundings import find_room, measure_noise, survey
 
 _FLOOR_POINTS = 15_000

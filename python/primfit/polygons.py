@@ -8,9 +8,9 @@ import numpy as np
 import shapely
 
 from primfit._check import Floats
+from primfit.beams import Beams
 from primfit.fitting import Fit, approach, climb
 from primfit.footprints import signed_area
-from primfit.scene import Beams
 from primfit.templates import FreePolygon, without_flattest
 
 _BULGE = 0.1

@@ -8,15 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from primfit import _primfit
 from primfit._check import Bools, Floats, Ints
+from primfit.beams import Beams, Noise
 from primfit.casting import RayCaster
 from primfit.scans import Scan
 from primfit.solids import Prism
 from primfit.worlds import FLOOR, NOTHING
-
-LEAST_SIGMA = 2e-5
-"""Least standard deviation, as a fraction of the sensor's reach: corners of exact ranges."""
 
 _SOME = 4
 """One beam in so many tells whether a solid is there at all."""
@@ -32,170 +29,6 @@ _END = 0.01
 
 _FEW = 50
 """Beams of a bundle that are few."""
-
-_RARE = 1e-5
-"""Least share of outliers, and of lost returns: what is never seen may still happen."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Noise:
-    """How beams err.
-
-    A beam whose nearest surface is within the sensor's range returns it with Gaussian noise, but
-    for a share of lost returns, and a share of outliers of any range up to the longest.
-
-    Attributes
-    ----------
-    sigma : (n,) float64, metres
-        Standard deviation of each beam's range.
-    reach : float, metres
-        Longest range.
-    outliers, lost : float
-        Their shares.
-    """
-
-    sigma: Floats
-    reach: float
-    outliers: float = _RARE
-    lost: float = _RARE
-
-    @cached_property
-    def outlier_price(self) -> float:
-        """Most that a return costs: there an outlier is as likely as the noise."""
-        peak = float(np.median(self.sigma)) * np.sqrt(2 * np.pi) / self.reach
-        return max(float(-np.log(max(self.outliers, _RARE) * peak)), 5.0)
-
-    @property
-    def missing_price(self) -> float:
-        """What a beam costs that should return and does not."""
-        return float(-np.log(max(self.lost, _RARE)))
-
-    def costs(self, ranges: Floats, expected: Floats, sigma: Floats) -> Floats:
-        """Negative log-likelihood (k,) of ranges of beams that should meet something there."""
-        foreseen, returned = expected <= self.reach, np.isfinite(ranges)
-        with np.errstate(invalid="ignore"):
-            explained = np.minimum(0.5 * ((ranges - expected) / sigma) ** 2, self.outlier_price)
-        mismatch = self.outlier_price * returned + self.missing_price * foreseen
-        return np.where(foreseen & returned, explained, mismatch)
-
-
-class Beams:
-    """Some beams, with what they meet when the solid in question is not there.
-
-    Parameters
-    ----------
-    arrays : origins (n, 3), directions (n, 3), ranges (n,), background (n,), sigmas (n,)
-        float64, metres.
-    noise : Noise
-    base : float, metres
-        z of the floor, on which solids stand.
-    stride : int
-        Each beam stands for so many.
-    """
-
-    def __init__(
-        self, arrays: tuple[Floats, ...], noise: Noise, base: float, n_jobs: int | None, stride: int
-    ) -> None:
-        self.arrays = arrays
-        self.noise = noise
-        self.base = base
-        self.n_jobs = n_jobs
-        self.stride = stride
-        o, d, r, b, s = (np.ascontiguousarray(array) for array in arrays)
-        prices = noise.reach, noise.outlier_price, noise.missing_price
-        self._core = _primfit.BeamBlocks(o, d, r, b, s, *prices)
-
-    def __len__(self) -> int:
-        return self.stride * len(self._core)
-
-    def costs(self, footprints: Floats, tops: Floats) -> Floats:
-        """Negative log-likelihood of each candidate: footprints (k, m, 2) and tops (k,)."""
-        n = len(footprints)
-        corners, heights = np.ascontiguousarray(footprints), np.ascontiguousarray(tops)
-        return self.stride * self._core.costs(corners, np.full(n, self.base), heights, self.n_jobs)
-
-    def expand(self, footprint: Floats, top: float) -> tuple[float, Floats, Floats]:
-        """Cost of a prism, with gradient (2m,) and information (2m, 2m) of its corners."""
-        cost, gradient, information, _ = self._core.expand(
-            np.ascontiguousarray(footprint), self.base, top
-        )
-        return self.stride * cost, self.stride * gradient, self.stride * information
-
-    def wall_depths(self, footprint: Floats) -> Floats:
-        """How far each beam first meets the walls over a footprint, however high they are."""
-        depths: Floats = self._core.wall_depths(np.ascontiguousarray(footprint))
-        return depths
-
-    def around(self, footprint: Floats, top: float, slack: float, top_slack: float) -> Local:
-        """The likelihood of prisms whose corners and top are near those of a given one."""
-        cost, gradient, information, rows = self._core.expand(
-            np.ascontiguousarray(footprint), self.base, top, slack, top_slack
-        )
-        scale = self.stride
-        return Local(
-            footprint=footprint,
-            top=top,
-            slack=slack,
-            top_slack=top_slack,
-            cost=scale * cost,
-            gradient=scale * gradient,
-            information=scale * information,
-            open_beams=self._take(rows, self.stride, self.arrays[4]),
-        )
-
-    def thinned(self, stride: int, least_sigma: float) -> Beams:
-        """Every so manieth beam, taken as no more exact than `least_sigma`."""
-        sigmas = np.maximum(self.arrays[4], least_sigma)
-        return self._take(slice(None, None, stride), self.stride * stride, sigmas)
-
-    def some(self, stride: int) -> Beams:
-        """Every so manieth beam, as if there were no others."""
-        return self if stride == 1 else self._take(slice(None, None, stride), 1, self.arrays[4])
-
-    def _take(self, rows: Any, stride: int, sigmas: Floats) -> Beams:
-        o, d, r, b, _ = self.arrays
-        arrays = tuple(array[rows] for array in (o, d, r, b, sigmas))
-        return Beams(arrays, self.noise, self.base, self.n_jobs, stride)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Local:
-    """The likelihood near one prism: a quadratic, and the beams at its silhouettes.
-
-    Attributes
-    ----------
-    footprint : (m, 2) float64, metres
-    top : float, metres
-    slack, top_slack : float, metres
-        How far corners and top may move; beyond, the cost is infinite.
-    cost, gradient (2m,), information (2m, 2m)
-        Of the beams that meet the same wall for all such prisms.
-    open_beams : Beams
-        The others.
-    """
-
-    footprint: Floats
-    top: float
-    slack: float
-    top_slack: float
-    cost: float
-    gradient: Floats
-    information: Floats
-    open_beams: Beams
-
-    def costs(self, footprints: Floats, tops: Floats) -> Floats:
-        """Negative log-likelihood of candidates: footprints (k, m, 2) and tops (k,)."""
-        moves = footprints - self.footprint
-        far = (moves**2).sum(axis=-1).max(axis=1) > self.slack**2
-        far |= np.abs(tops - self.top) > self.top_slack
-        flat = moves.reshape(len(moves), -1)
-        smooth = flat @ self.gradient + 0.5 * ((flat @ self.information) * flat).sum(axis=1)
-        costs = np.full(len(moves), np.inf)
-        near = np.flatnonzero(~far)
-        costs[near] = self.cost + smooth[near]
-        if len(near) and len(self.open_beams):
-            costs[near] += self.open_beams.costs(footprints[near], tops[near])
-        return costs
 
 
 @dataclass(frozen=True, eq=False)

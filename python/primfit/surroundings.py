@@ -8,9 +8,10 @@ import numpy as np
 import shapely
 
 from primfit._check import Floats
+from primfit.beams import LEAST_SIGMA, Noise
 from primfit.fitting import Fit, Top, approach, climb, settle
 from primfit.sampling import QUICK
-from primfit.scene import LEAST_SIGMA, Noise, Scene
+from primfit.scene import Scene
 from primfit.templates import RECTANGLE
 
 _BEAMS = 20_000
