@@ -36,6 +36,7 @@ class Job:
     seed: int
     noise: float
     columns: int
+    spacing: float | None
     single: str | None
     without_sigma: bool
 
@@ -47,7 +48,8 @@ def run(job: Job) -> dict:
         world = primfit.random_world(1, size, [job.single], rng)
     else:
         world = primfit.random_world((5, 7), 2.0, KINDS, rng)
-    path = primfit.grid_path(world, 0.125 if job.single else 0.25, rng=rng)
+    spacing = job.spacing or (0.125 if job.single else 0.25)
+    path = primfit.grid_path(world, spacing, rng=rng)
     with warnings.catch_warnings():
         # Few columns are outside the domain that Webots documents.
         warnings.simplefilter("ignore", UserWarning)
@@ -147,6 +149,7 @@ def main() -> None:
     parser.add_argument("--maps", type=int, default=20)
     parser.add_argument("--rng", type=int, default=0)
     parser.add_argument("--columns", type=int, default=100)
+    parser.add_argument("--spacing", type=float, help="of the grid of poses, metres")
     parser.add_argument("--single", choices=[*KINDS, "star"])
     parser.add_argument("--without-sigma", action="store_true")
     parser.add_argument("--jobs", type=int, default=1)
@@ -155,7 +158,14 @@ def main() -> None:
     with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as executor:
         for noise in options.noise:
             jobs = [
-                Job(options.rng + i, noise, options.columns, options.single, options.without_sigma)
+                Job(
+                    options.rng + i,
+                    noise,
+                    options.columns,
+                    options.spacing,
+                    options.single,
+                    options.without_sigma,
+                )
                 for i in range(options.maps)
             ]
             print(f"noise {noise}\n  {summary(list(executor.map(run, jobs)))}", flush=True)
