@@ -25,7 +25,7 @@ def scanned(world, noise, seed, spacing=0.25):
 def test_concave_footprints_have_their_corners_in_noise(name):
     solid = primfit.Prism(np.array(CONCAVE[name]) / 10.0, 0.2)
     world = primfit.World([solid], primfit.Arena((1.2, 1.2)))
-    found = primfit.detect(scanned(world, 0.05, 1, 0.2), rng=1)
+    found = primfit.detect(scanned(world, 0.05, 1, 0.125), rng=1)
     assert [each.kind for each in found.solids] == ["polygon"]
     footprint = found.solids[0].footprint
     assert len(footprint) == len(solid.footprint)
@@ -156,7 +156,7 @@ def test_outliers_and_lost_returns_are_counted_and_borne(damage):
 def test_without_an_arena():
     solid = primfit.Prism.regular(3, 0.3, center=(0.2, 0.1), angle=0.3)
     world = primfit.World([solid])
-    found = primfit.detect(scanned(world, 0.05, 1, 0.2), rng=1)
+    found = primfit.detect(scanned(world, 0.05, 1, 0.125), rng=1)
     assert found.arena is None
     assert [each.kind for each in found.solids] == ["triangle"]
 

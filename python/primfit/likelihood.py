@@ -161,10 +161,14 @@ def detect_likelihood(
         surroundings = survey(scene, room, floor is not None, given is None, rng)
         for i, body in enumerate(bodies):
             # Once more from the seed: at first the neighbours were no more than that themselves.
-            body = compete(scene, i, body.seed)
+            bodies[i] = compete(scene, i, body.seed)
+            scene.obstacles[i] = bodies[i].obstacle
+        _drop_needless(scene, bodies, MISFIT)
+        for i, body in enumerate(bodies):
             bodies[i] = compete_again(scene, i, body, rng, FEW_BEAMS, QUICK)
             scene.obstacles[i] = bodies[i].obstacle
         repair(scene, bodies, carving.cell, rng)
+        _drop_needless(scene, bodies)
         surroundings = survey(scene, room, floor is not None, given is None, rng)
         for i in range(len(bodies)):
             bodies[i] = compete_again(scene, i, bodies[i], rng, ALL_BEAMS, THOROUGH)

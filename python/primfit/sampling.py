@@ -80,6 +80,24 @@ class Posterior:
     size: float
 
 
+class _Student:
+    """A Student distribution of `_DEGREES` degrees of freedom about a mean."""
+
+    def __init__(self, mean: Floats, root: Floats) -> None:
+        d, nu = len(mean), _DEGREES
+        self.mean, self.root = mean, root
+        self._inverse = np.linalg.inv(root).T
+        self._peak = lgamma((nu + d) / 2) - lgamma(nu / 2) - 0.5 * d * np.log(nu * np.pi)
+        self._peak -= float(np.log(np.diag(root)).sum())
+
+    def log_density(self, draws: Floats) -> Floats:
+        """Logarithm of the density (n,) of draws (n, d)."""
+        standard = (draws - self.mean) @ self._inverse
+        tail = np.log1p(np.einsum("ij,ij->i", standard, standard) / _DEGREES)
+        density: Floats = self._peak - 0.5 * (_DEGREES + draws.shape[1]) * tail
+        return density
+
+
 def sample(
     cost: Callable[[Floats], Floats],
     mean: Floats,
@@ -107,14 +125,22 @@ def sample(
     n = effort.n
     best, best_cost = mean, np.inf
     draws, costs = np.empty((0, len(mean))), np.empty(0)
-    proposals: list[tuple[Floats, Floats]] = []
+    proposals: list[_Student] = []
+    logs = np.empty((0, 0))
     for _ in range(effort.generations):
-        proposals = [*proposals, (mean, root_of(covariance))][-_MEMORY:]
+        proposals = [*proposals, _Student(mean, root_of(covariance))][-_MEMORY:]
         standard = rng.normal(size=(n, len(mean)))
         standard *= np.sqrt(_DEGREES / rng.chisquare(_DEGREES, size=(n, 1)))
         standard[0] = 0.0
-        drawn = mean + standard @ proposals[-1][1].T
+        drawn = mean + standard @ proposals[-1].root.T
         draws = np.concatenate([draws, drawn])[-_MEMORY * n :]
+        # Density (proposals, draws): what is new are the last row and the last columns.
+        n_old = len(proposals) - 1
+        known = logs[len(logs) - n_old :, logs.shape[1] - n_old * n :]
+        new = [each.log_density(drawn) for each in proposals[:-1]]
+        logs = np.vstack(
+            [np.hstack([known, np.reshape(new, (n_old, n))]), proposals[-1].log_density(draws)]
+        )
         costs = np.concatenate([costs, cost(drawn)])[-_MEMORY * n :]
         lowest = int(np.argmin(costs))
         if costs[lowest] < best_cost:
@@ -123,7 +149,7 @@ def sample(
             # Too few are admitted to tell a spread.
             mean, covariance = best, covariance / 4.0
             continue
-        log_weights = -costs - _log_mixture(draws, proposals)
+        log_weights = -costs - (np.logaddexp.reduce(logs, axis=0) - np.log(len(logs)))
         weights = np.exp(log_weights - log_weights.max())
         if _size(weights) >= effort.wanted:
             break
@@ -146,19 +172,6 @@ def root_of(covariance: Floats) -> Floats:
     correlation = covariance / np.outer(scale, scale)
     root: Floats = np.linalg.cholesky(correlation + 1e-10 * np.eye(len(scale)))
     return scale[:, None] * root
-
-
-def _log_mixture(draws: Floats, proposals: list[tuple[Floats, Floats]]) -> Floats:
-    """Logarithm of the density of draws (n, d) under all proposals together."""
-    d, nu = draws.shape[1], _DEGREES
-    peak = lgamma((nu + d) / 2) - lgamma(nu / 2) - 0.5 * d * np.log(nu * np.pi)
-    logs = []
-    for mean, root in proposals:
-        standard = (draws - mean) @ np.linalg.inv(root).T
-        scale = float(np.log(np.diag(root)).sum())
-        logs.append(peak - scale - 0.5 * (nu + d) * np.log1p((standard**2).sum(axis=1) / nu))
-    mixed: Floats = np.logaddexp.reduce(logs, axis=0) - np.log(len(logs))
-    return mixed
 
 
 def _moments(draws: Floats, weights: Floats) -> tuple[Floats, Floats]:
