@@ -11,15 +11,24 @@ from primfit._check import Floats
 from primfit.beams import Beams
 from primfit.carving import Seed
 from primfit.fitting import Fit, Top, approach, climb, find_top, settle
-from primfit.sampling import Effort
+from primfit.sampling import QUICK, THOROUGH, Effort
 from primfit.scene import Obstacle, Scene
-from primfit.templates import TEMPLATES, Shape, Template, kin
+from primfit.templates import RECTANGLE, TEMPLATES, Shape, Template, kin
 
 _OUT = 0.1
 """How far a solid may leave its seed, as a fraction of the seed's size and of its area."""
 
 _ROUGH = 8
 """One beam in so many is enough to tell kinds roughly apart."""
+
+_SOME = 2
+"""One beam in so many is enough to tell which ones are worth sampling."""
+
+_BLUR = 0.05
+"""Least standard deviation of a rough fit, as a fraction of the size."""
+
+_STEPS = 5
+"""Of a rough fit."""
 
 _TURNS = 0.17
 """Steps of the angle in which a guess is sought, radians."""
@@ -30,17 +39,20 @@ _SHARES = (0.75, 0.95)
 _SHORTLIST = 5
 """Kinds that are fitted well after a rough fit."""
 
-_RIVALS = 15.0
+_RIVALS = 5.0
 """Log-evidence that a kind may lack against the best to stay in the competition."""
 
-_BEHIND = {16: 3000.0, 4: 1000.0, 1: 300.0}
-"""Log-likelihood by which a kind may be behind the best to be sampled with one beam in so many."""
+_BEHIND = 1500.0
+"""Log-likelihood by which a climb may be behind the best to be sampled: silhouettes hold climbs."""
+
+_LOST = 20.0
+"""Log-likelihood by which the best draw with few beams may be behind to be sampled with more."""
 
 FEW_BEAMS, ALL_BEAMS = (16, 4), (1,)
 """Levels of sampling: one beam in so many."""
 
-_WIDER = 3.0
-"""By how much the variance is widened from a level to the next, which may know better."""
+_LOOSE = 4.0
+"""Times the variance of a climb with all beams from which sampling starts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +67,14 @@ class Contender:
     evidence : float
         Logarithm of the likelihood of the kind, whatever its parameters; before it is sampled,
         that of the fit.
-    size : float
-        Effective number of draws; 0 before it is sampled.
+    stride : int
+        One beam in so many was sampled; 0 before.
     """
 
     fit: Fit
     top: Top
     evidence: float
-    size: float = 0.0
+    stride: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,24 +132,46 @@ def first_guesses(
     return [best, guesses[int(np.argmin(costs))]]
 
 
-def compete(scene: Scene, i: int, seed: Seed, shortlist: int = _SHORTLIST) -> Body:
-    """All kinds on the beams around a seed, which is obstacle i of the scene.
-
-    A short list of them goes beyond a rough fit.
-    """
-    beams = scene.near(seed.center, 1.3 * seed.radius, without=i)
-    size = float(np.sqrt(seed.area))
-    top = find_top(beams, seed.outline)
-    rough = beams.thinned(_ROUGH, 0.05 * size)
-    fits = []
-    for template in TEMPLATES:
-        guesses = first_guesses(rough, template, seed, top.z)
-        climbs = [climb(rough, template, guess, top.z, steps=5) for guess in guesses]
-        fits.append(min(climbs, key=lambda fit: fit.cost))
-    fits = _sorted_within(scene, seed, fits)[:shortlist]
-    fits = [approach(beams, fit.shape, fit.parameters, top.z, size) for fit in fits]
+def sketch(scene: Scene, i: int, seed: Seed) -> Body:
+    """All kinds fitted roughly to the beams around a seed, which is obstacle i of the scene."""
+    beams, top, rough = _around(scene, i, seed, seed.outline)
+    fits = [_rough_fit(rough, template, seed, top.z) for template in TEMPLATES]
     fits = _sorted_within(scene, seed, fits)
     return as_body(fits, find_top(beams, fits[0].footprint), seed)
+
+
+def compete(scene: Scene, i: int, body: Body) -> Body:
+    """The kinds of a sketch, body i, on beams that know the neighbours; the better ones well."""
+    seed = body.seed
+    beams, top, rough = _around(scene, i, seed, body.footprint)
+    known = {each.fit.shape: each.fit.parameters for each in body.contenders}
+    fits = [
+        climb(rough, template, known[template], top.z, steps=_STEPS)
+        if template in known
+        else _rough_fit(rough, template, seed, top.z)
+        for template in TEMPLATES
+    ]
+    fits = _sorted_within(scene, seed, fits)[:_SHORTLIST]
+    some, size = beams.thinned(_SOME, 0.0), float(np.sqrt(seed.area))
+    fits = [approach(some, fit.shape, fit.parameters, top.z, size) for fit in fits]
+    fits = _sorted_within(scene, seed, fits)
+    return as_body(fits, find_top(beams, fits[0].footprint), seed)
+
+
+def _rough_fit(beams: Beams, template: Template, seed: Seed, top: float) -> Fit:
+    guesses = first_guesses(beams, template, seed, top)
+    climbs = [climb(beams, template, guess, top, steps=_STEPS) for guess in guesses]
+    return min(climbs, key=lambda fit: fit.cost)
+
+
+def _around(scene: Scene, i: int, seed: Seed, footprint: Floats) -> tuple[Beams, Top, Beams]:
+    """Beams around a seed, the top over a footprint there, and some of the beams, blurred."""
+    beams = scene.near(seed.center, 1.3 * seed.radius, without=i)
+    return (
+        beams,
+        find_top(beams, footprint),
+        beams.thinned(_ROUGH, _BLUR * float(np.sqrt(seed.area))),
+    )
 
 
 def _sorted_within(scene: Scene, seed: Seed, fits: list[Fit]) -> list[Fit]:
@@ -166,54 +200,69 @@ def compete_again(
     body: Body,
     rng: np.random.Generator,
     levels: tuple[int, ...],
-    effort: Effort,
 ) -> Body:
     """The contenders of body i again, sampled, on beams that know the neighbours better.
 
     They are sampled with few of the beams first, which know less narrowly where to go, then with
     more; kinds that fall behind are given up.
     """
-    place = body.obstacle
-    beams = scene.near(place.center, 1.2 * place.radius, without=i)
-    tops = {each.fit.shape: each.top for each in body.contenders if each.size}
-    top = body.top if tops else find_top(beams, body.footprint)
-    fits = [
-        replace(each.fit, cost=_cost(beams, each.fit, each.top))
-        if each.size
-        else climb(beams, each.fit.shape, each.fit.parameters, top.z)
-        for each in body.contenders
-    ]
-    states = [(fit, tops.get(fit.shape, top)) for fit in with_kin(beams, fits, top.z)]
-    contenders: list[Contender] = []
-    for stride in levels:
-        least = min(fit.cost for fit, _ in states)
-        some = beams.some(stride)
-        contenders = [
-            _settled(scene, some, fit, top, rng, effort)
-            for fit, top in states
-            if fit.cost <= least + _BEHIND[stride]
+    beams = _near(scene, i, body)
+    starts = [each for each in body.contenders if each.stride]
+    if not starts:
+        top = find_top(beams, body.footprint)
+        fits = [each.fit for each in body.contenders]
+        fits = [climb(beams, fit.shape, fit.parameters, top.z) for fit in fits]
+        least = min(fit.cost for fit in fits)
+        starts = [
+            Contender(replace(fit, covariance=_LOOSE * fit.covariance), top, -fit.cost)
+            for fit in with_kin(beams, fits, top.z)
+            if fit.cost <= least + _BEHIND
         ]
-        states = [_widened(beams, each.fit, each.top) for each in contenders]
+    for stride in levels:
+        some = beams.some(stride)
+        contenders = [_sampled(scene, some, each, stride, rng, QUICK) for each in starts]
+        least = min(each.fit.cost for each in contenders)
+        starts = [each for each in contenders if each.fit.cost <= least + _LOST]
     contenders.sort(key=lambda each: -each.evidence)
     best = contenders[0].evidence
     return Body(tuple(each for each in contenders if each.evidence >= best - _RIVALS), body.seed)
 
 
-def _settled(
-    scene: Scene, beams: Beams, fit: Fit, top: Top, rng: np.random.Generator, effort: Effort
+def weigh(scene: Scene, i: int, body: Body, rng: np.random.Generator) -> Body:
+    """The best contender of body i alone, sampled as well as a report needs it."""
+    best = _sampled(scene, _near(scene, i, body), body.contenders[0], 1, rng, THOROUGH)
+    return Body((replace(best, fit=_longest_first(best.fit)),), body.seed)
+
+
+def _longest_first(fit: Fit) -> Fit:
+    """A rectangle whose first size is the larger one."""
+    if fit.shape is not RECTANGLE or fit.parameters[3] >= fit.parameters[4]:
+        return fit
+    order = [0, 1, 2, 4, 3]
+    turned = fit.parameters[order] + [0.0, 0.0, np.pi / 2, 0.0, 0.0]
+    return replace(fit, parameters=turned, covariance=fit.covariance[np.ix_(order, order)])
+
+
+def _near(scene: Scene, i: int, body: Body) -> Beams:
+    place = body.obstacle
+    return scene.near(place.center, 1.2 * place.radius, without=i)
+
+
+def _sampled(
+    scene: Scene,
+    beams: Beams,
+    start: Contender,
+    stride: int,
+    rng: np.random.Generator,
+    effort: Effort,
 ) -> Contender:
-    fit, top, found = settle(beams, fit, top, rng, effort)
+    """A contender sampled with one beam in `stride`, from what is known of it."""
+    fit = start.fit
+    if start.stride:
+        fit = replace(fit, covariance=fit.covariance * np.sqrt(stride / start.stride))
+    fit, top, found = settle(beams, fit, start.top, rng, effort)
     evidence = found.log_evidence + fit.shape.log_prior(scene.noise.reach)
-    return Contender(fit, top, evidence, found.size)
-
-
-def _widened(beams: Beams, fit: Fit, top: Top) -> tuple[Fit, Top]:
-    """A fit to some of the beams, as a place to start from with more of them."""
-    return replace(fit, cost=_cost(beams, fit, top), covariance=_WIDER * fit.covariance), top
-
-
-def _cost(beams: Beams, fit: Fit, top: Top) -> float:
-    return float(beams.costs(fit.footprint[None], np.array([top.z]))[0])
+    return Contender(fit, top, evidence, stride)
 
 
 def with_kin(beams: Beams, fits: list[Fit], top: float) -> list[Fit]:

@@ -39,6 +39,9 @@ _RISE = 0.2
 _WIDEST = 0.25
 """Most that corners may move in one round, as a fraction of the extent."""
 
+_CAST = 2000
+"""Beams that are so few that all of them are cast for each draw."""
+
 _ROUNDS = 3
 """Regions that are tried."""
 
@@ -227,6 +230,8 @@ def settle(
         widest = _WIDEST * float(np.ptp(fit.footprint, axis=0).max())
         slack = min(_MARGIN * fit.corner_sigma, widest)
         top_slack = min(_MARGIN * float(np.sqrt(covariance[d, d])), widest) if is_known else 0.0
+        if len(beams) <= _CAST:
+            slack = top_slack = np.inf
         local = beams.around(fit.footprint, top.z, slack, top_slack)
 
         def cost(parameters: Floats, local: Local = local) -> Floats:

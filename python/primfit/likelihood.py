@@ -17,20 +17,13 @@ from tqdm import tqdm
 from primfit._check import n_jobs_or_none
 from primfit.beams import LEAST_SIGMA, Noise
 from primfit.carving import Seed, carve
-from primfit.competition import (
-    ALL_BEAMS,
-    FEW_BEAMS,
-    Body,
-    compete,
-    compete_again,
-)
+from primfit.competition import ALL_BEAMS, FEW_BEAMS, Body, compete, compete_again, sketch, weigh
 from primfit.description import describe
 from primfit.detection import Detection
 from primfit.fitting import Fit
 from primfit.noise import estimate_range_sigma
 from primfit.planes import Progress, check_enough, cloud_of, find_floor
 from primfit.repair import LEAST_GAIN, MISFIT, repair
-from primfit.sampling import QUICK, THOROUGH
 from primfit.scans import Scan, as_sigma
 from primfit.scene import Obstacle, Scene
 from primfit.surroundings import find_room, measure_noise, survey
@@ -152,26 +145,26 @@ def detect_likelihood(
                 progress(n_done, n_all)
 
         for i, seed in enumerate(seeds):
-            bodies.append(compete(scene, i, seed, shortlist=1))
+            bodies.append(sketch(scene, i, seed))
             scene.obstacles[i] = bodies[i].obstacle
             done(i + 1, 2 * len(seeds))
+        for i, body in enumerate(bodies):
+            # Again, since the neighbours were no more than seeds themselves.
+            bodies[i] = compete(scene, i, body)
+            scene.obstacles[i] = bodies[i].obstacle
         _drop_needless(scene, bodies, MISFIT)
 
         # Room, floor and noise by all beams; then each body among neighbours that are known.
         surroundings = survey(scene, room, floor is not None, given is None, rng)
-        for i, body in enumerate(bodies):
-            # Once more from the seed: at first the neighbours were no more than that themselves.
-            bodies[i] = compete(scene, i, body.seed)
-            scene.obstacles[i] = bodies[i].obstacle
-        _drop_needless(scene, bodies, MISFIT)
-        for i, body in enumerate(bodies):
-            bodies[i] = compete_again(scene, i, body, rng, FEW_BEAMS, QUICK)
-            scene.obstacles[i] = bodies[i].obstacle
+        for levels in (FEW_BEAMS, ALL_BEAMS):
+            for i, body in enumerate(bodies):
+                bodies[i] = compete_again(scene, i, body, rng, levels)
+                scene.obstacles[i] = bodies[i].obstacle
         repair(scene, bodies, carving.cell, rng)
         _drop_needless(scene, bodies)
         surroundings = survey(scene, room, floor is not None, given is None, rng)
         for i in range(len(bodies)):
-            bodies[i] = compete_again(scene, i, bodies[i], rng, ALL_BEAMS, THOROUGH)
+            bodies[i] = weigh(scene, i, bodies[i], rng)
             scene.obstacles[i] = bodies[i].obstacle
             done(len(bodies) + i + 1, 2 * len(bodies))
     _drop_needless(scene, bodies)
@@ -184,17 +177,16 @@ def _drop_needless(scene: Scene, bodies: list[Body], misfit: float = np.inf) -> 
 
     A body stays if the scene without it has more than a misfit: it may be wrong, but not needless.
     """
-    doubted = list(bodies)
-    while doubted:
-        places = [next(k for k, body in enumerate(bodies) if body is each) for each in doubted]
-        gains = [scene.gain(i) for i in places]
-        least = int(np.argmin(gains))
-        if gains[least] > LEAST_GAIN:
+    needed: list[Body] = []
+    while len(needed) < len(bodies):
+        gains = scene.gains()
+        gains[[any(body is each for each in needed) for body in bodies]] = np.inf
+        i = int(np.argmin(gains))
+        if gains[i] > LEAST_GAIN:
             return
-        del doubted[least]
-        i = places[least]
         obstacle = scene.obstacles.pop(i)
         if scene.misfit(obstacle.center, 1.3 * obstacle.radius) < misfit:
             del bodies[i]
         else:
             scene.obstacles.insert(i, obstacle)
+            needed.append(bodies[i])

@@ -9,17 +9,9 @@ import shapely
 
 from primfit._check import Ints
 from primfit.carving import Seed
-from primfit.competition import (
-    ALL_BEAMS,
-    FEW_BEAMS,
-    Body,
-    as_body,
-    compete,
-    compete_again,
-)
+from primfit.competition import ALL_BEAMS, FEW_BEAMS, Body, as_body, compete, compete_again, sketch
 from primfit.fitting import find_top
 from primfit.polygons import fit_polygon
-from primfit.sampling import QUICK
 from primfit.scene import Obstacle, Scene
 
 MISFIT = 2.5
@@ -41,14 +33,9 @@ _LEAST_CELLS = 9
 def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generator) -> None:
     """Replace bodies, in place, by others where these explain more.
 
-    First each is sampled with all beams, which may be enough. Then nothing, another kind, now that
-    the neighbours are known, the parts of the seed, and a free polygon compete by the Bayesian
-    information criterion on the beams that come near.
+    Nothing, another kind, now that the neighbours are known, the parts of the seed, and a free
+    polygon compete by the Bayesian information criterion on the beams that come near.
     """
-    for i, body in enumerate(bodies):
-        if _misfit(scene, body) > MISFIT:
-            bodies[i] = compete_again(scene, i, body, rng, ALL_BEAMS, QUICK)
-            scene.obstacles[i] = bodies[i].obstacle
     queue = list(bodies)
     while queue:
         body = queue.pop(0)
@@ -80,7 +67,7 @@ def _instead(
         scene.obstacles = [each.obstacle for each in others + option]
         for j, each in enumerate(option):
             i = len(others) + j
-            option[j] = compete_again(scene, i, each, rng, FEW_BEAMS + ALL_BEAMS, QUICK)
+            option[j] = compete_again(scene, i, each, rng, FEW_BEAMS + ALL_BEAMS)
             scene.obstacles[i] = option[j].obstacle
         if not option or _touch(option, float(np.sqrt(body.seed.area))):
             continue
@@ -106,7 +93,11 @@ def _score(scene: Scene, others: list[Body], bodies: list[Body], rows: Ints) -> 
 def _afresh(scene: Scene, others: list[Body], body: Body, _: float) -> list[Body]:
     """The best kind for the body's seed, among neighbours that were seeds when it was found."""
     scene.obstacles = [each.obstacle for each in [*others, body]]
-    return [compete(scene, len(others), body.seed)]
+    return [_anew(scene, len(others), body.seed)]
+
+
+def _anew(scene: Scene, i: int, seed: Seed) -> Body:
+    return compete(scene, i, sketch(scene, i, seed))
 
 
 def _as_polygon(scene: Scene, others: list[Body], body: Body, _: float) -> list[Body]:
@@ -121,7 +112,7 @@ def _as_polygon(scene: Scene, others: list[Body], body: Body, _: float) -> list[
     # The polygon may tell the place of a known kind better than the seed.
     place = Seed.of_outline(polygon.footprint)
     scene.obstacles.append(Obstacle(place.outline, top))
-    kinds = [each.fit for each in compete(scene, len(others), place).contenders]
+    kinds = [each.fit for each in _anew(scene, len(others), place).contenders]
     return [as_body([polygon, *kinds], find_top(beams, polygon.footprint), seed)]
 
 
@@ -146,11 +137,12 @@ def _from_parts(
     scene.obstacles = [body.obstacle for body in others]
     scene.obstacles += [Obstacle(part.hull, top) for part in parts]
     bodies: list[Body] = []
-    for _ in range(2):
-        bodies = []
-        for j, part in enumerate(parts):
-            bodies.append(compete(scene, first + j, part))
-            scene.obstacles[first + j] = bodies[j].obstacle
+    for j, part in enumerate(parts):
+        bodies.append(sketch(scene, first + j, part))
+        scene.obstacles[first + j] = bodies[j].obstacle
+    for j, body in enumerate(bodies):
+        bodies[j] = compete(scene, first + j, body)
+        scene.obstacles[first + j] = bodies[j].obstacle
     return bodies
 
 

@@ -13,7 +13,7 @@ from primfit._check import Floats
 _LEAST_SIZE = 0.3
 """Effective share of the draws of some generations by which the next one is adapted."""
 
-_MEMORY = 6
+_MEMORY = 8
 """Generations that are remembered."""
 
 FEW = 6
@@ -50,7 +50,7 @@ class Effort:
 
 
 QUICK = Effort(n=96, generations=8, wanted=40.0)
-THOROUGH = Effort(n=160, generations=20, wanted=300.0)
+THOROUGH = Effort(n=160, generations=12, wanted=200.0)
 """To sample a level, and a posterior that is reported."""
 
 

@@ -196,13 +196,22 @@ class Scene:
         by_bundle = float((excess / np.sqrt((0.5 + square) * np.maximum(n_each, _FEW))).max())
         return max(by_sum, by_number, by_bundle / 2.0)
 
-    def gain(self, i: int) -> float:
-        """Log-likelihood that obstacle i gains over nothing, by some of the beams that see it."""
-        obstacle = self.obstacles[i]
-        rows = self.rows_near(obstacle.center, obstacle.radius)[::_SOME]
-        ranges, sigma = self.scan.ranges[rows], self.noise.sigma[rows]
-        nothing = self.noise.costs(ranges, self.background(i, rows), sigma).sum()
-        return _SOME * (float(nothing) - float(self.costs(rows)[0].sum()))
+    def gains(self) -> Floats:
+        """Log-likelihood that each obstacle gains over nothing, by some of the beams it stops."""
+        some = np.arange(0, len(self.scan), _SOME)
+        expected, triangles, surfaces = self._cast(None, some, True)
+        parts = np.append(surfaces[:, 0], NOTHING)[triangles]
+        gains = np.zeros(len(self.obstacles))
+        for i in range(len(gains)):
+            stopped = np.flatnonzero(parts == i)
+            rows = some[stopped]
+            ranges, sigma = self.scan.ranges[rows], self.noise.sigma[rows]
+            costs = [
+                self.noise.costs(ranges, each, sigma).sum()
+                for each in (self.background(i, rows), expected[stopped])
+            ]
+            gains[i] = _SOME * float(costs[0] - costs[1])
+        return gains
 
     def clear_rows(self) -> Ints:
         """Beams that come near no obstacle; all beams, when these are few."""

@@ -107,9 +107,10 @@ class Template:
         return np.stack([columns.real, columns.imag], axis=1).reshape(-1, self.n_parameters)
 
     def is_proper(self, parameters: Floats) -> Bools:
-        """Which parameters (n, d) are of this kind: positive sizes, the larger first.
+        """Which parameters (n, d) are of this kind: positive sizes.
 
-        A star whose notches are shallower than `slimmest` is no star.
+        A star whose notches are shallower than `slimmest` is no star. Either side of a rectangle
+        may be the longer one, lest nearly square ones cannot move.
         """
         sizes = parameters[:, 3 : 3 + self.n_sizes]
         return (sizes > 0.0).all(axis=1) & (sizes[:, -1] <= self.slimmest * sizes[:, 0])
@@ -176,6 +177,7 @@ def _rectangle() -> Template:
             (float(np.sqrt(area * ratio)), float(np.sqrt(area / ratio)))
             for ratio in (1.2, 1.8, 3.0, 6.0)
         ],
+        slimmest=np.inf,
     )
 
 

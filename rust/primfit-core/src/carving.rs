@@ -26,11 +26,9 @@ impl Grid<'_> {
         (self.levels.len() - 1) * self.shape[0] * self.shape[1]
     }
 
-    /// Cell of a point: layer by layer, x by x.
-    fn index(&self, point: Vector) -> Option<usize> {
-        let layer = self.levels.partition_point(|&level| level <= point[2]).checked_sub(1)?;
-        let x = (point[0] - self.low[0]) / self.cell;
-        let y = (point[1] - self.low[1]) / self.cell;
+    /// Number of the cell, layer by layer, x by x, at a place in cells along x and y and a height.
+    fn index(&self, [x, y]: [f64; 2], z: f64) -> Option<usize> {
+        let layer = self.levels.partition_point(|&level| level <= z).checked_sub(1)?;
         let [nx, ny] = self.shape;
         let inside = x >= 0.0 && y >= 0.0 && x < nx as f64 && y < ny as f64;
         (inside && layer + 1 < self.levels.len())
@@ -71,10 +69,12 @@ pub fn carve(
     let follow = |(mut crossed, mut passed): (Vec<u32>, Vec<u32>), row: usize| {
         let (origin, direction) = (origins[row], directions[row]);
         let (first, last) = grid.steps(origin[2], direction[2], reach);
+        let start: [f64; 2] = std::array::from_fn(|k| (origin[k] - grid.low[k]) / grid.cell);
         for step in first..last {
-            let depth = (step as f64 + 0.5) * grid.cell;
-            let at = std::array::from_fn(|k| origin[k] + depth * direction[k]);
-            if let Some(cell) = grid.index(at) {
+            let cells = step as f64 + 0.5;
+            let depth = cells * grid.cell;
+            let at = std::array::from_fn(|k| start[k] + cells * direction[k]);
+            if let Some(cell) = grid.index(at, origin[2] + depth * direction[2]) {
                 crossed[cell] += 1;
                 passed[cell] += u32::from(depth < certain[row]);
             }
