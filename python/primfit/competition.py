@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -10,7 +11,7 @@ import shapely
 from primfit._check import Floats
 from primfit.beams import Beams
 from primfit.carving import Seed
-from primfit.fitting import Fit, Top, approach, climb, find_top, settle
+from primfit.fitting import Fit, Top, approach, climb, find_top, narrowed, settle
 from primfit.sampling import QUICK, THOROUGH, Effort
 from primfit.scene import Obstacle, Scene
 from primfit.templates import RECTANGLE, TEMPLATES, Shape, Template, kin
@@ -50,9 +51,6 @@ _LOST = 20.0
 
 FEW_BEAMS, ALL_BEAMS = (16, 4), (1,)
 """Levels of sampling: one beam in so many."""
-
-_LOOSE = 4.0
-"""Times the variance of a climb with all beams from which sampling starts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +95,7 @@ class Body:
         """Corners (m, 2) of the most likely kind, metres."""
         return self.contenders[0].fit.footprint
 
-    @property
+    @cached_property
     def obstacle(self) -> Obstacle:
         """What it is to beams."""
         return Obstacle(self.footprint, self.top.z)
@@ -213,16 +211,14 @@ def compete_again(
         fits = [each.fit for each in body.contenders]
         fits = [climb(beams, fit.shape, fit.parameters, top.z) for fit in fits]
         least = min(fit.cost for fit in fits)
-        starts = [
-            Contender(replace(fit, covariance=_LOOSE * fit.covariance), top, -fit.cost)
-            for fit in with_kin(beams, fits, top.z)
-            if fit.cost <= least + _BEHIND
-        ]
+        fits = with_kin(beams, fits, top.z)
+        starts = [Contender(fit, top, -fit.cost) for fit in fits if fit.cost <= least + _BEHIND]
     for stride in levels:
-        some = beams.some(stride)
-        contenders = [_sampled(scene, some, each, stride, rng, QUICK) for each in starts]
-        least = min(each.fit.cost for each in contenders)
-        starts = [each for each in contenders if each.fit.cost <= least + _LOST]
+        some, contenders, worst = beams.some(stride), [], np.inf
+        for start in starts:
+            contenders.append(_sampled(scene, some, start, stride, rng, QUICK, worst))
+            worst = min(worst, contenders[-1].fit.cost + _LOST)
+        starts = [each for each in contenders if each.fit.cost <= worst]
     contenders.sort(key=lambda each: -each.evidence)
     best = contenders[0].evidence
     return Body(tuple(each for each in contenders if each.evidence >= best - _RIVALS), body.seed)
@@ -255,12 +251,11 @@ def _sampled(
     stride: int,
     rng: np.random.Generator,
     effort: Effort,
+    worst: float = np.inf,
 ) -> Contender:
     """A contender sampled with one beam in `stride`, from what is known of it."""
-    fit = start.fit
-    if start.stride:
-        fit = replace(fit, covariance=fit.covariance * np.sqrt(stride / start.stride))
-    fit, top, found = settle(beams, fit, start.top, rng, effort)
+    fit = narrowed(start.fit, start.stride / stride) if start.stride else start.fit
+    fit, top, found = settle(beams, fit, start.top, rng, effort, worst)
     evidence = found.log_evidence + fit.shape.log_prior(scene.noise.reach)
     return Contender(fit, top, evidence, stride)
 

@@ -6,7 +6,7 @@ saw it; `settle` samples all of the likelihood, for shape and top together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -196,17 +196,27 @@ def _search_top(beams: Beams, footprint: Floats, highest: float) -> Top:
         low, high = max(z - 8.0 * step, beams.base), min(z + 8.0 * step, highest)
 
 
+def narrowed(fit: Fit, ratio: float) -> Fit:
+    """A fit to some beams as a place to start from with `ratio` times as many.
+
+    Its variance falls with their number where ranges tell, with its square where silhouettes do;
+    what it starts from may be off by as much as it says.
+    """
+    return replace(fit, covariance=fit.covariance / np.sqrt(ratio))
+
+
 def settle(
     beams: Beams,
     fit: Fit,
     top: Top,
     rng: np.random.Generator,
     effort: Effort,
+    worst: float = np.inf,
 ) -> tuple[Fit, Top, Posterior]:
     """Posterior of a shape and its top near a fit, by the likelihood of some beams.
 
     Only the beams at silhouettes are cast for each draw; the region in which the others are smooth
-    follows the posterior as it moves.
+    follows the posterior as it moves. It is not followed where no draw costs less than `worst`.
 
     Returns
     -------
@@ -249,6 +259,6 @@ def settle(
         if is_known:
             top = Top(float(mean[d]), float(np.sqrt(covariance[d, d])))
             is_inside &= abs(top.z - local.top) + _ROOM * top.sigma <= local.top_slack
-        if found.size >= effort.wanted / 3 and is_inside:
+        if found.cost > worst or (found.size >= effort.wanted / 3 and is_inside):
             break
     return fit, top, found

@@ -155,21 +155,22 @@ def detect_likelihood(
         _drop_needless(scene, bodies, MISFIT)
 
         # Room, floor and noise by all beams; then each body among neighbours that are known.
-        surroundings = survey(scene, room, floor is not None, given is None, rng)
+        room, base_sigma = survey(scene, room, floor is not None, given is None, rng)
+        _drop_needless(scene, bodies, MISFIT)
         for levels in (FEW_BEAMS, ALL_BEAMS):
             for i, body in enumerate(bodies):
                 bodies[i] = compete_again(scene, i, body, rng, levels)
                 scene.obstacles[i] = bodies[i].obstacle
         repair(scene, bodies, carving.cell, rng)
         _drop_needless(scene, bodies)
-        surroundings = survey(scene, room, floor is not None, given is None, rng)
+        room, base_sigma = survey(scene, room, floor is not None, given is None, rng, again=True)
         for i in range(len(bodies)):
             bodies[i] = weigh(scene, i, bodies[i], rng)
             scene.obstacles[i] = bodies[i].obstacle
             done(len(bodies) + i + 1, 2 * len(bodies))
     _drop_needless(scene, bodies)
     used_sigma = scene.noise.sigma if given is None else spread
-    return describe(scene, bodies, *surroundings, float(np.median(used_sigma)))
+    return describe(scene, bodies, room, base_sigma, float(np.median(used_sigma)))
 
 
 def _drop_needless(scene: Scene, bodies: list[Body], misfit: float = np.inf) -> None:

@@ -22,6 +22,9 @@ FEW = 6
 _DEGREES = 6.0
 """Of freedom of the proposal: its tails are heavier than those of a jumping likelihood."""
 
+_POWER = 0.05
+"""Relative error of the power by which weights are tempered."""
+
 _GROWTH = 1.1
 """By how much the variance of a generation exceeds that of the weighted ones before."""
 
@@ -80,22 +83,35 @@ class Posterior:
     size: float
 
 
-class _Student:
-    """A Student distribution of `_DEGREES` degrees of freedom about a mean."""
+class _Students:
+    """Student distributions of `_DEGREES` degrees of freedom, one a generation.
 
-    def __init__(self, mean: Floats, root: Floats) -> None:
+    Only the last `_MEMORY` are remembered.
+    """
+
+    def __init__(self, d: int) -> None:
+        self._means, self._inverses = np.empty((0, 1, d)), np.empty((0, d, d))
+        self._peaks = np.empty((0, 1))
+
+    def __len__(self) -> int:
+        return len(self._means)
+
+    def append(self, mean: Floats, root: Floats) -> None:
+        """One more, the last, about a mean (d,) with a root (d, d) of its scale."""
         d, nu = len(mean), _DEGREES
-        self.mean, self.root = mean, root
-        self._inverse = np.linalg.inv(root).T
-        self._peak = lgamma((nu + d) / 2) - lgamma(nu / 2) - 0.5 * d * np.log(nu * np.pi)
-        self._peak -= float(np.log(np.diag(root)).sum())
+        peak = lgamma((nu + d) / 2) - lgamma(nu / 2) - 0.5 * d * np.log(nu * np.pi)
+        peak -= float(np.log(np.diag(root)).sum())
+        inverse = np.linalg.inv(root).T
+        self._means = np.concatenate([self._means, mean[None, None]])[-_MEMORY:]
+        self._inverses = np.concatenate([self._inverses, inverse[None]])[-_MEMORY:]
+        self._peaks = np.concatenate([self._peaks, [[peak]]])[-_MEMORY:]
 
-    def log_density(self, draws: Floats) -> Floats:
-        """Logarithm of the density (n,) of draws (n, d)."""
-        standard = (draws - self.mean) @ self._inverse
-        tail = np.log1p(np.einsum("ij,ij->i", standard, standard) / _DEGREES)
-        density: Floats = self._peak - 0.5 * (_DEGREES + draws.shape[1]) * tail
-        return density
+    def log_densities(self, draws: Floats, which: slice) -> Floats:
+        """Logarithm of the density (k, n) of draws (n, d) by some of them."""
+        standard = (draws - self._means[which]) @ self._inverses[which]
+        tails = np.log1p(np.einsum("kij,kij->ki", standard, standard) / _DEGREES)
+        densities: Floats = self._peaks[which] - 0.5 * (_DEGREES + draws.shape[1]) * tails
+        return densities
 
 
 def sample(
@@ -125,22 +141,22 @@ def sample(
     n = effort.n
     best, best_cost = mean, np.inf
     draws, costs = np.empty((0, len(mean))), np.empty(0)
-    proposals: list[_Student] = []
+    proposals = _Students(len(mean))
     logs = np.empty((0, 0))
     for _ in range(effort.generations):
-        proposals = [*proposals, _Student(mean, root_of(covariance))][-_MEMORY:]
+        root = root_of(covariance)
+        proposals.append(mean, root)
         standard = rng.normal(size=(n, len(mean)))
         standard *= np.sqrt(_DEGREES / rng.chisquare(_DEGREES, size=(n, 1)))
         standard[0] = 0.0
-        drawn = mean + standard @ proposals[-1].root.T
+        drawn = mean + standard @ root.T
         draws = np.concatenate([draws, drawn])[-_MEMORY * n :]
         # Density (proposals, draws): what is new are the last row and the last columns.
         n_old = len(proposals) - 1
         known = logs[len(logs) - n_old :, logs.shape[1] - n_old * n :]
-        new = [each.log_density(drawn) for each in proposals[:-1]]
-        logs = np.vstack(
-            [np.hstack([known, np.reshape(new, (n_old, n))]), proposals[-1].log_density(draws)]
-        )
+        new = proposals.log_densities(drawn, slice(n_old))
+        last = proposals.log_densities(draws, slice(n_old, None))
+        logs = np.vstack([np.hstack([known, new]), last])
         costs = np.concatenate([costs, cost(drawn)])[-_MEMORY * n :]
         lowest = int(np.argmin(costs))
         if costs[lowest] < best_cost:
@@ -149,7 +165,9 @@ def sample(
             # Too few are admitted to tell a spread.
             mean, covariance = best, covariance / 4.0
             continue
-        log_weights = -costs - (np.logaddexp.reduce(logs, axis=0) - np.log(len(logs)))
+        highest = logs.max(axis=0)
+        mixture = highest + np.log(np.exp(logs - highest).mean(axis=0))
+        log_weights = -costs - mixture
         weights = np.exp(log_weights - log_weights.max())
         if _size(weights) >= effort.wanted:
             break
@@ -194,7 +212,7 @@ def _tempered(log_weights: Floats, least_size: float) -> Floats:
     low, high = 0.0, 1.0
     if _size(np.exp(behind)) >= least_size:
         low = 1.0
-    while high - low > 1e-3 * high:
+    while high - low > _POWER * high:
         middle = (low + high) / 2
         low, high = (middle, high) if _size(np.exp(middle * behind)) > least_size else (low, middle)
     weights[admitted] = np.exp(low * behind)

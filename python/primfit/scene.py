@@ -50,14 +50,15 @@ class Obstacle:
         return float(np.linalg.norm(self.footprint - self.center, axis=1).max())
 
     @cached_property
-    def _unit(self) -> tuple[Floats, Ints]:
-        return Prism(self.footprint, 1.0).to_mesh()
+    def _unit(self) -> tuple[Floats, Ints, Ints]:
+        vertices, triangles = Prism(self.footprint, 1.0).to_mesh()
+        m = len(vertices) // 2
+        faces = np.concatenate([np.tile(np.arange(m), 2), np.repeat([m + 1, m], m - 2)])
+        return vertices, triangles, faces
 
     def mesh(self, base: float) -> tuple[Floats, Ints, Ints]:
         """Vertices (2m, 3), triangles (t, 3) and the face of each: walls, top (m), bottom."""
-        vertices, triangles = self._unit
-        m = len(vertices) // 2
-        faces = np.concatenate([np.tile(np.arange(m), 2), np.repeat([m + 1, m], m - 2)])
+        vertices, triangles, faces = self._unit
         return vertices * [1.0, 1.0, self.top - base] + [0.0, 0.0, base], triangles, faces
 
 
@@ -85,16 +86,17 @@ class Scene:
         self.obstacles: list[Obstacle] = []
 
     @cached_property
-    def _level_lines(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """Level lines of the beams (n,): x and y of their ways, start along and across, slope.
+    def _level_lines(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Level lines of the beams: their ways (n, 2), start along and across (n,), slope (n,).
 
         The slope is the way that a beam makes along its line in a metre.
         """
-        x, y = np.ascontiguousarray(self.scan.directions[:, :2].T)
+        x, y = self.scan.directions[:, :2].T
         level = np.maximum(np.hypot(x, y), 1e-12)
-        x, y = x / level, y / level
+        ways = np.column_stack([x / level, y / level])
+        x, y = ways.T
         start_x, start_y = self.scan.origins[:, :2].T
-        return x, y, start_x * x + start_y * y, start_x * y - start_y * x, level
+        return ways, start_x * x + start_y * y, start_x * y - start_y * x, level
 
     def background(
         self, without: int | None = None, rows: Any = slice(None), *, floor: bool = True
@@ -186,10 +188,11 @@ class Scene:
         n_off, usual = int((costs[foreseen] > 4.5).sum()), 0.0027 + noise.outliers
         by_number = float((n_off - usual * n) / np.sqrt(usual * n + 1.0))
 
-        x, y, _, across, _ = (line[rows] for line in self._level_lines)
-        off = (center[0] * y - center[1] * x - across) / radius
+        ways, _, across, _ = (line[rows] for line in self._level_lines)
+        off = (ways @ _across(center) - across) / radius
         side = np.minimum((off + 1.0) / 2.0 * _SIDES, _SIDES - 1).astype(int)
-        way = ((np.arctan2(y, x) / (2 * np.pi) + 0.5) * _WAYS).astype(int) % _WAYS
+        turn = np.arctan2(ways[:, 1], ways[:, 0]) / (2 * np.pi)
+        way = ((turn + 0.5) * _WAYS).astype(int) % _WAYS
         bundle = way * _SIDES + side
         n_each = np.bincount(bundle, foreseen, _WAYS * _SIDES)
         excess = np.bincount(bundle, costs, _WAYS * _SIDES) - mean * n_each
@@ -222,18 +225,17 @@ class Scene:
 
     def rows_near(self, center: Floats, radius: float) -> Ints:
         """Beams whose level lines come within `radius` of a place, in reach."""
-        x, y, start, across, level = self._level_lines
-        along = center[0] * x + center[1] * y - start
-        off = np.abs(center[0] * y - center[1] * x - across)
-        reach = self.noise.reach * level
-        return np.flatnonzero((off < radius) & (along > -radius) & (along - radius < reach))
+        ways, start, across, level = self._level_lines
+        rows = np.flatnonzero(np.abs(ways @ _across(center) - across) < radius)
+        along = ways[rows] @ center - start[rows]
+        return rows[(along > -radius) & (along - radius < self.noise.reach * level[rows])]
 
     def near(self, center: Floats, radius: float, without: int | None) -> Beams:
         """Beams that come within `radius` of a place before they meet another surface."""
         rows = self.rows_near(center, radius)
         background = self.background(without, rows)
-        x, y, start, _, level = (line[rows] for line in self._level_lines)
-        along = center[0] * x + center[1] * y - start
+        ways, start, _, level = (line[rows] for line in self._level_lines)
+        along = ways @ center - start
         before = (along - radius) / level < background
         return self.beams(rows[before], background[before])
 
@@ -242,3 +244,8 @@ class Scene:
         scan = self.scan
         arrays = scan.origins[rows], scan.directions[rows], scan.ranges[rows], background
         return Beams((*arrays, self.noise.sigma[rows]), self.noise, self.base, self.n_jobs, 1)
+
+
+def _across(place: Floats) -> Floats:
+    """What a way is multiplied with for how far a place is across it."""
+    return np.array([-place[1], place[0]])

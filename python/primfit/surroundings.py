@@ -9,7 +9,7 @@ import shapely
 
 from primfit._check import Floats
 from primfit.beams import LEAST_SIGMA, Noise
-from primfit.fitting import Fit, Top, approach, climb, settle
+from primfit.fitting import Fit, Top, approach, climb, narrowed, settle
 from primfit.sampling import QUICK
 from primfit.scene import Scene
 from primfit.templates import RECTANGLE
@@ -21,7 +21,7 @@ _LEAST_GAIN = 10.0
 """Log-likelihood that walls must gain over none, as a multiple of the logarithm of the beams."""
 
 _STRIDES = (16, 4, 1)
-"""One beam in so many, by which the room is found more and more exactly."""
+"""One beam in so many, by which the room is found more and more exactly at first."""
 
 _CONTAMINATED = 4.0
 """Standard deviations beyond which a residual does not count for the floor."""
@@ -51,8 +51,12 @@ def survey(
     has_floor: bool,
     measure_sigma: bool,
     rng: np.random.Generator,
+    *,
+    again: bool = False,
 ) -> tuple[Fit | None, float | None]:
     """Refine room, floor and noise of a scene by all beams, with the solids where they are.
+
+    The second time the room is known from the first.
 
     Returns
     -------
@@ -63,10 +67,14 @@ def survey(
     if room is not None:
         scene.room = None
         beams = scene.beams(np.arange(len(scene.scan)), scene.background())
-        room = climb(beams, room.shape, room.parameters, scene.ceiling)
-        for stride in _STRIDES:
+        strides = _STRIDES[-1:] if again else _STRIDES
+        if not again:
+            some = beams.thinned(strides[0], 0.0)
+            room = climb(some, room.shape, room.parameters, scene.ceiling)
+        for k, stride in enumerate(strides):
             # Walls at the end of the reach hold a climb where it begins.
-            room, _, _ = settle(beams.some(stride), room, Top(scene.ceiling, np.nan), rng, QUICK)
+            start = narrowed(room, strides[k - 1] / stride) if k else room
+            room, _, _ = settle(beams.some(stride), start, Top(scene.ceiling, np.nan), rng, QUICK)
         scene.room = room.footprint
     base_sigma = None
     if has_floor:
