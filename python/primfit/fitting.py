@@ -100,8 +100,10 @@ def climb(beams: Beams, shape: Shape, start: Floats, top: float, *, steps: int =
     parameters, damping = start, 1e-3
     cost, gradient, information = _expand(beams, shape, parameters, top)
     for _ in range(steps):
-        scale = np.diag(information) + 1e-12 * np.trace(information) + 1e-300
-        step = -np.linalg.solve(information + damping * np.diag(scale), gradient)
+        damped = information.copy()
+        diagonal = np.einsum("ii->i", damped)
+        diagonal += damping * (diagonal + 1e-12 * diagonal.sum() + 1e-300)
+        step = -np.linalg.solve(damped, gradient)
         if -0.5 * float(step @ gradient) < _LEAST_GAIN:
             break
         moved = parameters + step

@@ -96,15 +96,16 @@ class Template:
         x, y, angle = parameters[:, :3].T
         corners = parameters[:, 3 : 3 + self.n_sizes] @ self.axes
         corners = corners * np.exp(1j * angle)[:, None] + (x + 1j * y)[:, None]
-        return np.stack([corners.real, corners.imag], axis=-1)
+        return corners.view(np.float64).reshape(*corners.shape, 2)
 
     def jacobian(self, parameters: Floats) -> Floats:
         """Derivatives (2m, n_parameters) of x and y of each corner by one set of parameters."""
         turn = np.exp(1j * parameters[2])
-        arms = parameters[3 : 3 + self.n_sizes] @ self.axes * turn
-        ones = np.ones_like(arms)
-        columns = np.stack([ones, 1j * ones, 1j * arms, *(self.axes * turn)], axis=1)
-        return np.stack([columns.real, columns.imag], axis=1).reshape(-1, self.n_parameters)
+        rows = np.empty((self.n_parameters, self.axes.shape[1]), dtype=np.complex128)
+        rows[:2] = [[1.0], [1.0j]]
+        rows[2] = parameters[3 : 3 + self.n_sizes] @ self.axes * (1j * turn)
+        rows[3:] = self.axes * turn
+        return rows.view(np.float64).T
 
     def is_proper(self, parameters: Floats) -> Bools:
         """Which parameters (n, d) are of this kind: positive sizes.
