@@ -27,9 +27,6 @@ _LOSSES = 1.5
 _CELLS = 100
 """Cells that the sensor sees far."""
 
-_BEAMS = 100_000
-"""Beams that are enough to carve by."""
-
 _LEAST_CELLS = 16
 """Cells of the smallest seed."""
 
@@ -227,11 +224,10 @@ def carve(
     low = scan.origins[:, :2].min(axis=0) - reach
     shape = np.ceil((scan.origins[:, :2].max(axis=0) + reach - low) / cell).astype(int) + 1
     certain = np.where(np.isfinite(scan.ranges), scan.ranges - _CLEAR * sigma, reach)
-    some = slice(None, None, -(-len(scan) // _BEAMS))
     crossed, passed = _primfit.carve(
-        np.ascontiguousarray(scan.origins[some]),
-        np.ascontiguousarray(scan.directions[some]),
-        np.ascontiguousarray(certain[some]),
+        scan.origins,
+        scan.directions,
+        certain,
         reach,
         low.tolist(),
         cell,

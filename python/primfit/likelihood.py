@@ -38,6 +38,9 @@ then low, for solids that they pass over."""
 _SLIVER = 0.4
 """Size of a seed, as a multiple of the noise, below which it is a sliver that noise left."""
 
+_MISSED = 4.0 * MISFIT
+"""Misfit where a solid is missing, while its neighbours are known roughly: theirs is less."""
+
 _BLURRED = 0.5
 """Noise, as a multiple of the sensor's height, beyond which the floor hides low solids."""
 
@@ -152,11 +155,11 @@ def detect_likelihood(
             # Again, since the neighbours were no more than seeds themselves.
             bodies[i] = compete(scene, i, body)
             scene.obstacles[i] = bodies[i].obstacle
-        _drop_needless(scene, bodies, MISFIT)
+        _drop_needless(scene, bodies, _MISSED)
 
         # Room, floor and noise by all beams; then each body among neighbours that are known.
         room, base_sigma = survey(scene, room, floor is not None, given is None, rng)
-        _drop_needless(scene, bodies, MISFIT)
+        _drop_needless(scene, bodies, _MISSED)
         for levels in (FEW_BEAMS, ALL_BEAMS):
             for i, body in enumerate(bodies):
                 bodies[i] = compete_again(scene, i, body, rng, levels)
