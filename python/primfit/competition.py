@@ -40,7 +40,7 @@ _SHARES = (0.75, 0.95)
 _SHORTLIST = 5
 """Kinds that are fitted well after a rough fit."""
 
-_RIVALS = 5.0
+_RIVALS = 15.0
 """Log-evidence that a kind may lack against the best to stay in the competition."""
 
 _BEHIND = 1500.0
@@ -49,8 +49,9 @@ _BEHIND = 1500.0
 _LOST = 20.0
 """Log-likelihood by which the best draw with few beams may be behind to be sampled with more."""
 
-FEW_BEAMS, ALL_BEAMS = (16, 4), (1,)
-"""Levels of sampling: one beam in so many."""
+_LEVELS = ((16, 4), (1,))
+"""One beam in so many by which bodies are sampled, in passes: neighbours are known better by the
+second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +193,15 @@ def as_body(fits: list[Fit], top: Top, seed: Seed) -> Body:
     return Body(tuple(Contender(fit, top, -fit.cost) for fit in fits), seed)
 
 
-def compete_again(
+def compete_finely(scene: Scene, bodies: list[Body], first: int, rng: np.random.Generator) -> None:
+    """Sample the contenders of the bodies of a scene from the first on, in place."""
+    for levels in _LEVELS:
+        for i in range(first, len(bodies)):
+            bodies[i] = _compete_again(scene, i, bodies[i], rng, levels)
+            scene.obstacles[i] = bodies[i].obstacle
+
+
+def _compete_again(
     scene: Scene,
     i: int,
     body: Body,
@@ -225,9 +234,21 @@ def compete_again(
 
 
 def weigh(scene: Scene, i: int, body: Body, rng: np.random.Generator) -> Body:
-    """The best contender of body i alone, sampled as well as a report needs it."""
-    best = _sampled(scene, _near(scene, i, body), body.contenders[0], 1, rng, THOROUGH)
-    return Body((replace(best, fit=_longest_first(best.fit)),), body.seed)
+    """The best contender of body i alone, sampled as well as a report needs it.
+
+    It meets its rivals and its kin once more, since neighbours were known less when it beat them.
+    """
+    beams = _near(scene, i, body)
+    best, top = body.contenders[0].fit, body.top
+    shapes = [each.fit.shape for each in body.contenders]
+    relatives = [climb(beams, *start, top.z) for start in kin(best.shape, best.parameters)]
+    strangers = [Contender(fit, top, -fit.cost) for fit in relatives if fit.shape not in shapes]
+    starts = [*body.contenders, *strangers]
+    if len(starts) > 1:
+        starts = [_sampled(scene, beams, each, 1, rng, QUICK) for each in starts]
+    winner = max(starts, key=lambda each: each.evidence)
+    winner = _sampled(scene, beams, winner, 1, rng, THOROUGH)
+    return Body((replace(winner, fit=_longest_first(winner.fit)),), body.seed)
 
 
 def _longest_first(fit: Fit) -> Fit:

@@ -17,7 +17,7 @@ from tqdm import tqdm
 from primfit._check import n_jobs_or_none
 from primfit.beams import LEAST_SIGMA, Noise
 from primfit.carving import Seed, carve
-from primfit.competition import ALL_BEAMS, FEW_BEAMS, Body, compete, compete_again, sketch, weigh
+from primfit.competition import Body, compete, compete_finely, sketch, weigh
 from primfit.description import describe
 from primfit.detection import Detection
 from primfit.fitting import Fit
@@ -160,10 +160,7 @@ def detect_likelihood(
         # Room, floor and noise by all beams; then each body among neighbours that are known.
         room, base_sigma = survey(scene, room, floor is not None, given is None, rng)
         _drop_needless(scene, bodies, _MISSED)
-        for levels in (FEW_BEAMS, ALL_BEAMS):
-            for i, body in enumerate(bodies):
-                bodies[i] = compete_again(scene, i, body, rng, levels)
-                scene.obstacles[i] = bodies[i].obstacle
+        compete_finely(scene, bodies, 0, rng)
         repair(scene, bodies, carving.cell, rng)
         _drop_needless(scene, bodies)
         room, base_sigma = survey(scene, room, floor is not None, given is None, rng, again=True)

@@ -9,7 +9,7 @@ import shapely
 
 from primfit._check import Ints
 from primfit.carving import Seed
-from primfit.competition import ALL_BEAMS, FEW_BEAMS, Body, as_body, compete, compete_again, sketch
+from primfit.competition import Body, as_body, compete, compete_finely, sketch
 from primfit.fitting import find_top
 from primfit.polygons import fit_polygon
 from primfit.scene import Obstacle, Scene
@@ -64,11 +64,10 @@ def _instead(
         return []
     for alternative in (_afresh, _at_necks, _in_halves, _as_polygon):
         option = alternative(scene, others, body, cell)
-        scene.obstacles = [each.obstacle for each in others + option]
-        for j, each in enumerate(option):
-            i = len(others) + j
-            option[j] = compete_again(scene, i, each, rng, FEW_BEAMS + ALL_BEAMS)
-            scene.obstacles[i] = option[j].obstacle
+        tried = others + option
+        scene.obstacles = [each.obstacle for each in tried]
+        compete_finely(scene, tried, len(others), rng)
+        option = tried[len(others) :]
         if not option or _touch(option, float(np.sqrt(body.seed.area))):
             continue
         score = _score(scene, others, option, rows)

@@ -102,7 +102,7 @@ class Template:
         """Derivatives (2m, n_parameters) of x and y of each corner by one set of parameters."""
         turn = np.exp(1j * parameters[2])
         rows = np.empty((self.n_parameters, self.axes.shape[1]), dtype=np.complex128)
-        rows[:2] = [[1.0], [1.0j]]
+        rows[0], rows[1] = 1.0, 1.0j
         rows[2] = parameters[3 : 3 + self.n_sizes] @ self.axes * (1j * turn)
         rows[3:] = self.axes * turn
         return rows.view(np.float64).T
