@@ -216,6 +216,15 @@ def test_kin_start_where_the_other_is():
     assert not kin(STARS[5], np.array([1.0, 2.0, 0.3, 0.2, 0.08]))
 
 
+@pytest.mark.parametrize("template", [SQUARE, RECTANGLE, TEMPLATES[0], TEMPLATES[3]])
+def test_a_polygon_that_is_of_a_kind_has_it_for_kin(template):
+    sizes = [0.5, 0.3][: template.n_sizes]
+    corners = template.footprints(np.array([[1.0, 2.0, 0.7, *sizes]]))[0]
+    shape = FreePolygon(len(corners))
+    starts = dict(kin(shape, corners.ravel()))
+    np.testing.assert_allclose(template.footprints(starts[template][None])[0], corners, atol=1e-12)
+
+
 def test_a_polygon_is_proper_when_it_does_not_cross_itself():
     square = np.array([0.0, 0, 1, 0, 1, 1, 0, 1])
     bow = np.array([0.0, 0, 1, 1, 1, 0, 0, 1])

@@ -214,7 +214,7 @@ def kin(shape: Shape, parameters: Floats) -> list[tuple[Shape, Floats]]:
     """What a shape may be instead, with where to start.
 
     A rectangle may be a square and the other way round, a star with shallow notches a regular
-    polygon, a polygon one with a corner less.
+    polygon, a polygon one with a corner less, a regular one or a rectangle.
     """
     place, sizes = parameters[:3], parameters[3:]
     if shape is SQUARE:
@@ -227,9 +227,31 @@ def kin(shape: Shape, parameters: Floats) -> list[tuple[Shape, Floats]]:
             tip = sizes[0] * shape.axes[0, 0] / regular.axes[0, 0]
             return [(regular, np.array([*place[:2], place[2] + np.angle(tip), np.abs(tip)]))]
     if isinstance(shape, FreePolygon):
-        simpler = without_flattest(shape.footprints(parameters[None])[0])
-        return [] if simpler is None else [(FreePolygon(len(simpler)), simpler.ravel())]
+        footprint = shape.footprints(parameters[None])[0]
+        simpler = without_flattest(footprint)
+        starts = [] if simpler is None else [(FreePolygon(len(simpler)), simpler.ravel())]
+        return starts + _named(footprint)
     return []
+
+
+def _named(footprint: Floats) -> list[tuple[Shape, Floats]]:
+    """Kinds with as many corners as a polygon, where they come nearest to it."""
+    m = len(footprint)
+    if m not in REGULAR:
+        return []
+    center = footprint.mean(axis=0)
+    arms = _complex(footprint - center)
+    axis = REGULAR[m].axes[0]
+    size = np.vdot(axis, arms) / np.vdot(axis, axis)
+    starts: list[tuple[Shape, Floats]] = [
+        (REGULAR[m], np.array([*center, np.angle(size), np.abs(size)]))
+    ]
+    if m == 4:
+        along = (arms[1] - arms[0] + arms[2] - arms[3]) / 2
+        across = (arms[2] - arms[1] + arms[3] - arms[0]) / 2
+        sizes = np.abs([along, across])
+        starts.append((RECTANGLE, np.array([*center, np.angle(along), *sizes])))
+    return starts
 
 
 def without_flattest(footprint: Floats) -> Floats | None:
