@@ -207,7 +207,7 @@ def test_kin_start_where_the_other_is():
         (FreePolygon(5), [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.5, 1.001, 0.0, 1.0], "polygon"),
     ):
         parameters = np.array(parameters)
-        [(other, start)] = kin(shape, parameters)
+        (other, start), *_ = kin(shape, parameters)
         assert other.kind == kind
         mine = shapely.Polygon(shape.footprints(parameters[None])[0])
         both = mine.intersection(shapely.Polygon(other.footprints(start[None])[0]))
