@@ -42,14 +42,8 @@ def evolve(
     Statistics and Computing 16, 2006. Foreman-Mackey et al.: emcee, Publications of the
     Astronomical Society of the Pacific 125, 2013, for the halves.
 
-    Parameters
-    ----------
-    cost : callable
-        Negative log-likelihood (n,) of parameters (n, d); infinite where they are not admitted.
-    mean, covariance : (d,) and (d, d) float64
-        Where to start.
-    effort : Effort
-        It takes as many draws as `sample` takes at the most.
+    Cost, mean, covariance and effort are those of `sample`; it takes as many draws as that takes at
+    the most.
     """
     d = len(mean)
     n = 2 * max(_CHAINS * d // 2, 2)
