@@ -86,9 +86,10 @@ def meet(faces: list[Face]) -> list[tuple[int, int]]:
     lengths = {
         (i, side.neighbor): side.length for i, face in enumerate(faces) for side in face.sides
     }
+    clear = {pair for pair, length in lengths.items() if length >= 1.5 * faces[pair[0]].reach}
     for i, face in enumerate(faces):
         face.sides = _joined(
-            [side for side in face.sides if _is_clear(i, side, face.reach, lengths)]
+            [side for side in face.sides if _is_clear(i, side, face.reach, lengths, clear)]
         )
     return [
         (i, side.neighbor)
@@ -132,18 +133,23 @@ def _sides(i: int, faces: list[Face]) -> list[Side]:
     return _joined([side for side in sides if side.length >= 0.5 * face.reach])
 
 
-def _is_clear(i: int, side: Side, reach: float, lengths: dict[tuple[int, int], float]) -> bool:
+def _is_clear(
+    i: int,
+    side: Side,
+    reach: float,
+    lengths: dict[tuple[int, int], float],
+    clear: set[tuple[int, int]],
+) -> bool:
     """Whether a side is no chance meeting near a corner.
 
-    Neighbours that name each other may be short on one of the two; one that does not must be long.
-    Where nothing is near, the corners have already been left out.
+    Neighbours that name each other may be short on one of the two, which may have few points; one
+    that does not must be long. Where nothing is near, the corners have already been left out.
     """
     if side.neighbor == OPEN:
         return True
-    mutual = lengths.get((side.neighbor, i))
-    if mutual is None:
+    if (side.neighbor, i) not in lengths:
         return side.length >= 2.0 * reach
-    return max(side.length, mutual) >= 1.5 * reach
+    return (i, side.neighbor) in clear or (side.neighbor, i) in clear
 
 
 def _joined(sides: list[Side]) -> list[Side]:

@@ -38,7 +38,7 @@ def closed_solid(group: list[int], faces: list[Face], graph: nx.Graph) -> FoundP
     if turned is None:
         return None
     row = {plane: k for k, plane in enumerate(group)}
-    sides = [faces[i].sides[:: -1 if turned[i] else 1] for i in group]
+    sides = [_rims_joined(i, faces[i].sides[:: -1 if turned[i] else 1], graph) for i in group]
     cycles = [
         [row[side.neighbor] if graph.has_edge(i, side.neighbor) else OPEN for side in each]
         for i, each in zip(group, sides, strict=True)
@@ -53,7 +53,9 @@ def closed_solid(group: list[int], faces: list[Face], graph: nx.Graph) -> FoundP
     while rim := next(
         ((k, n) for k, c in enumerate(cycles) for n, j in enumerate(c) if j < 0), None
     ):
-        loop = _loop(cycles, rim)
+        loop, passed = _loop(cycles, rim)
+        if len(loop) < 3 and _stitch(cycles, sides, loop, passed):
+            continue
         ends = [sides[k][n] for k, n in loop if k < len(group)]
         if len(ends) < max(3, len(loop)) or len({k for k, _ in loop}) < len(loop):
             return None
@@ -95,18 +97,75 @@ def closed_solid(group: list[int], faces: list[Face], graph: nx.Graph) -> FoundP
     )
 
 
-def _loop(cycles: list[list[int]], first: tuple[int, int]) -> list[tuple[int, int]]:
-    """Sides (face, place) along the rim of an open surface, from one of them around."""
-    loop = [first]
+def _rims_joined(i: int, sides: list[Side], graph: nx.Graph) -> list[Side]:
+    """The sides around a face with those in one that follow each other without a neighbour."""
+    ends = [not graph.has_edge(i, side.neighbor) for side in sides]
+    first = next((k for k, end in enumerate(ends) if not end), 0)
+    joined: list[Side] = []
+    was_end = False
+    for k in [*range(first, len(sides)), *range(first)]:
+        side = sides[k]
+        if ends[k] and was_end:
+            alike = side.neighbor == joined[-1].neighbor
+            samples = np.vstack([joined[-1].samples, side.samples])
+            joined[-1] = Side(side.neighbor if alike else OPEN, samples)
+        else:
+            joined.append(side)
+        was_end = ends[k]
+    return joined
+
+
+def _loop(
+    cycles: list[list[int]], first: tuple[int, int]
+) -> tuple[list[tuple[int, int]], list[int]]:
+    """Sides (face, place) along the rim of an open surface, and the faces passed on the way.
+
+    The way leads from one side around to itself.
+    """
+    loop, passed = [first], []
     k, n = first
     while True:
         n = (n + 1) % len(cycles[k])
         if cycles[k][n] >= 0:
             k, n = cycles[k][n], cycles[cycles[k][n]].index(k)
+            passed.append(k)
         elif (k, n) == first:
-            return loop
+            return loop, passed
         else:
             loop.append((k, n))
+
+
+def _stitch(
+    cycles: list[list[int]],
+    sides: list[list[Side]],
+    loop: list[tuple[int, int]],
+    passed: list[int],
+) -> bool:
+    """Close a rim too short for a face, in place, where there is one way to; tells whether.
+
+    Two sides are one edge. A side alone is the edge to the one face that its neighbours have
+    between them there, which is too small to have seen it; where there is none, its neighbours
+    meet, and a corner without points was cut off.
+    """
+    k, n = loop[0]
+    if len(loop) == 2:
+        j, m = loop[1]
+        if k == j or j in cycles[k]:
+            return False
+        cycles[k][n], cycles[j][m] = j, k
+        return True
+    between = [j for j in passed if j != k and j not in cycles[k]]
+    if len(between) == 1 and len(passed) == 4:
+        (j,) = between
+        place = cycles[j].index(cycles[k][(n + 1) % len(cycles[k])]) + 1
+        cycles[k][n] = j
+        cycles[j].insert(place, k)
+        sides[j].insert(place, sides[k][n])
+        return True
+    if len(passed) == 3 and len(cycles[k]) > 3:
+        del cycles[k][n], sides[k][n]
+        return True
+    return False
 
 
 def _corners(cycles: list[list[int]]) -> list[Ints] | None:

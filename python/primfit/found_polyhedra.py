@@ -9,7 +9,7 @@ import numpy as np
 
 from primfit import footprints
 from primfit._check import Floats, Ints, frozen
-from primfit.faces import FlatFaced
+from primfit.faces import FlatFaced, triangles_of
 
 EQUAL = 0.02
 """Difference of lengths, relative to the size, and of angles, radians, that still counts as none in
@@ -50,6 +50,15 @@ class FoundPolyhedron(FlatFaced):
         if self.footprint is None:
             return np.nan
         return footprints.angle_of(self.footprint, self.kind, EQUAL)
+
+    @property
+    def height(self) -> float:
+        """Extent along z, metres."""
+        return float(np.ptp(self.vertices[:, 2]))
+
+    def to_mesh(self) -> tuple[Floats, Ints]:
+        """Vertices (v, 3) and triangles (t, 3), counter-clockwise from outside."""
+        return self.vertices, triangles_of(self.vertices, self.faces)
 
     def moved(self, offset: Floats) -> FoundPolyhedron:
         """The solid moved by a vector (3,), metres."""
