@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from polyhedra import HIP, SHAPES, turned
 from scipy.spatial import ConvexHull
-from test_polyhedra import HIP, SHAPES, turned
 
 import primfit
 from primfit.planes import Plane

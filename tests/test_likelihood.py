@@ -314,9 +314,9 @@ def test_a_bare_cloud_is_refused_by_name_and_has_its_own_default(small_scan):
     points = small_scan.points[small_scan.is_return]
     with pytest.raises(ValueError, match="scan must have origins for method='likelihood'"):
         primfit.detect(points, method="likelihood")
-    assert primfit.detect(points, rng=1).method == "paper"
+    assert primfit.detect(points, rng=1).method == "planes"
     from_one_place = primfit.Scan.from_points(points, origins=(0.5, 0.5, 3.0), sigma=0.005)
-    assert primfit.detect(from_one_place, rng=1).method == "paper"
+    assert primfit.detect(from_one_place, rng=1).method == "planes"
 
 
 def test_obstacles_have_a_face_for_every_triangle():

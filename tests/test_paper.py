@@ -11,7 +11,7 @@ import primfit
 from primfit import PaperSettings, topology
 from primfit.classification import classify_by_sides
 from primfit.noise import estimate_sigma
-from primfit.ransac import Cloud, Orientation, draw_hypotheses
+from primfit.ransac import NoisyPoints, Orientation, draw_hypotheses
 
 detect = partial(primfit.detect, method="paper")
 
@@ -216,7 +216,7 @@ class TestSteps:
         ones = np.ones(200)
         wanted = Orientation.of(orientation)
         equations = draw_hypotheses(
-            Cloud(points, None, ones, ones), 100, wanted, np.random.default_rng(2)
+            NoisyPoints(points, None, ones, ones), 100, wanted, np.random.default_rng(2)
         )
         assert len(equations) > 90
         np.testing.assert_allclose(np.linalg.norm(equations[:, :3], axis=1), 1.0)
@@ -235,7 +235,7 @@ class TestSteps:
     def test_degenerate_samples_are_skipped(self):
         same = np.ones((50, 3))
         ones = np.ones(50)
-        cloud = Cloud(same, None, ones, ones)
+        cloud = NoisyPoints(same, None, ones, ones)
         assert len(draw_hypotheses(cloud, 20, Orientation.of("any"), np.random.default_rng(1))) == 0
 
     def test_same_set_of_points_counts_once(self):

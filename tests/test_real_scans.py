@@ -15,16 +15,15 @@ import primfit
 def test_vlp16_board(data, pose):
     cloud = primfit.read_points(data / f"vlp16_board/pose{pose}_full.pcd")
     board = primfit.read_points(data / f"vlp16_board/pose{pose}_target.pcd")
-    found = primfit.detect(
-        cloud, orientation="any", rng=1, settings=primfit.PaperSettings(min_points=50)
-    )
+    found = primfit.detect(cloud, rng=1)
+    assert found.method == "planes"
     assert 5 <= len(found.planes) <= 100
     assert 0.003 < found.sigma < 0.03
     on_board = (np.abs(cloud[:, None] - board).max(axis=-1) == 0).any(axis=1)
     overlap = max(
         (on_board & (found.labels == i)).sum() / on_board.sum() for i in range(len(found.planes))
     )
-    assert overlap > 0.5
+    assert overlap > 0.9
 
 
 def test_detect_command_on_a_lidar_scan_and_a_depth_camera(data, tmp_path):

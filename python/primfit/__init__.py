@@ -9,17 +9,20 @@ from primfit.depth import points_of_depth
 from primfit.detection import Detection, FoundArena, FoundSolid, detect
 from primfit.evaluation import Report, evaluate
 from primfit.files import read_cloud, read_points, write_cloud, write_points
+from primfit.found_polyhedra import FoundPolyhedron, Polyhedra
 from primfit.paper import PaperSettings
 from primfit.paths import grid_path, waypoints
-from primfit.planes import Plane, Planes, detect_planes
-from primfit.polyhedra import FoundPolyhedron, Polyhedra, find_polyhedra
+from primfit.plane_detection import detect_planes
+from primfit.planes import Plane, Planes
+from primfit.polyhedra import find_polyhedra
 from primfit.polyhedron import Polyhedron
+from primfit.random_worlds import WorldFullError, random_world
 from primfit.scanning import scan
 from primfit.scans import Scan
 from primfit.segmentation import SegmentationReport, evaluate_segmentation
 from primfit.sensors import Lidar
 from primfit.solids import Prism
-from primfit.worlds import Arena, World, WorldFullError, random_world
+from primfit.worlds import Arena, World
 
 __version__ = version("primfit")
 

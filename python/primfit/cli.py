@@ -132,13 +132,16 @@ def detect(
     world: Annotated[Path | None, typer.Option(help="The truth (.json), to compare with.")] = None,
     method: Annotated[
         str | None,
-        typer.Option(help="likelihood or paper. Scans of primfit: likelihood, clouds: paper."),
+        typer.Option(
+            help="likelihood, planes (solids in any position) or paper. Scans of primfit: "
+            "likelihood, or paper if a wish for planes is given; clouds: planes."
+        ),
     ] = None,
     orientation: Annotated[
         str | None,
         typer.Option(
-            help="Of the paper method: vertical (planes and upright solids), horizontal or any "
-            "(planes only). Scans of primfit: vertical, clouds: any."
+            help="Of planes: vertical, horizontal or any. The paper method, which sees solids in "
+            "vertical ones: vertical; planes: any."
         ),
     ] = None,
     origin: Annotated[
@@ -147,11 +150,9 @@ def detect(
     ] = None,
     sigma: Annotated[float | None, typer.Option(help="Noise, metres; estimated if none.")] = None,
     threshold: Annotated[
-        float | None, typer.Option(help="Of the paper method: distance of an inlier, metres.")
+        float | None, typer.Option(help="Greatest distance of a plane's point, metres.")
     ] = None,
-    min_points: Annotated[
-        int | None, typer.Option(help="Of the paper method: least inliers of a plane.")
-    ] = None,
+    min_points: Annotated[int | None, typer.Option(help="Least points of a plane.")] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (.png).")] = None,
     cloud: Annotated[Path | None, typer.Option(help="Coloured cloud to write (.ply ...).")] = None,
     mesh: Annotated[Path | None, typer.Option(help="Solids to write (.ply .obj .stl).")] = None,
@@ -164,14 +165,16 @@ def detect(
     is_scan = recorded.pose_index is not None
     options: dict[str, Any] = {}
     if method is None:
-        by_planes = orientation or threshold or min_points
-        method = "likelihood" if is_scan and not by_planes else "paper"
+        has_wishes = orientation or threshold or min_points
+        method = ("paper" if has_wishes else "likelihood") if is_scan else "planes"
     if method == "paper":
-        least = 10 if is_scan else max(10, len(recorded) // 500)
-        options["orientation"] = orientation or ("vertical" if is_scan else "any")
         options["settings"] = primfit.PaperSettings(
-            threshold=threshold, min_points=min_points or least
+            threshold=threshold, min_points=min_points or 10
         )
+    elif method == "planes":
+        options |= {"threshold": threshold, "min_points": min_points}
+    if orientation:
+        options["orientation"] = orientation
     found = primfit.detect(recorded, method, rng=rng, sigma=sigma, **options)
     if not is_scan:
         picture = picture or Path(f"{file.stem}_planes.png")

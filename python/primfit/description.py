@@ -10,7 +10,8 @@ from primfit.competition import Body, Contender
 from primfit.detection import Detection, FoundArena, FoundSolid
 from primfit.fitting import Fit
 from primfit.footprints import wrap
-from primfit.planes import SIGMAS, Plane, hull
+from primfit.planes import Plane, hull
+from primfit.scan_planes import SIGMAS
 from primfit.scene import Scene
 from primfit.templates import Template
 from primfit.worlds import FLOOR

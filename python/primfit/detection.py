@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from primfit._check import Floats, Ints, choice, frozen
 from primfit.footprints import area_centroid
+from primfit.found_polyhedra import FoundPolyhedron
 from primfit.planes import Plane
 from primfit.scans import Scan
 from primfit.solids import prism_faces, prism_triangles, prism_vertices
@@ -106,6 +107,10 @@ class FoundSolid:
             for name, variance in zip(names, np.diag(self.covariance), strict=False)
         } | {"height": self.height_sigma}
 
+    def to_mesh(self) -> tuple[Floats, Ints]:
+        """Vertices (2m, 3) and triangles (t, 3), counter-clockwise from outside."""
+        return self.vertices, prism_triangles(self.footprint)
+
     def to_dict(self) -> dict[str, Any]:
         """The solid as plain numbers, for JSON."""
         return {
@@ -179,7 +184,7 @@ class Detection:
         Without the floor.
     labels : (n,) int64
         Plane of each row of the scan, -1 for none.
-    solids : tuple of FoundSolid
+    solids : tuple of FoundSolid, or of FoundPolyhedron by the method "planes"
         Without the arena.
     arena : FoundArena or None
     floor : Plane or None
@@ -187,17 +192,20 @@ class Detection:
         Standard deviation of the ranges, given or estimated.
     settings : dict
         What the method used, given or derived; lengths in metres.
+    shells : tuple of tuple of int
+        Planes that meet without closing, and are in no solid; by the method "planes" only.
     """
 
     scan: Scan
     method: str
     planes: tuple[Plane, ...]
     labels: Ints
-    solids: tuple[FoundSolid, ...]
+    solids: tuple[FoundSolid | FoundPolyhedron, ...]
     arena: FoundArena | None
     floor: Plane | None
     sigma: float
     settings: dict[str, Any]
+    shells: tuple[tuple[int, ...], ...] = ()
 
     def moved(self, offset: Floats, scan: Scan) -> Detection:
         """The detection moved by a vector (3,), metres, as that of another scan."""
@@ -228,8 +236,9 @@ class Detection:
         """
         vertices, triangles, index = [np.empty((0, 3))], [np.empty((0, 3), int)], [np.empty(0, int)]
         for i, solid in enumerate(self.solids):
-            triangles.append(prism_triangles(solid.footprint) + sum(map(len, vertices)))
-            vertices.append(solid.vertices)
+            corners, rows = solid.to_mesh()
+            triangles.append(rows + sum(map(len, vertices)))
+            vertices.append(corners)
             index.append(np.full(len(triangles[-1]), i))
         return np.concatenate(vertices), np.concatenate(triangles), np.concatenate(index)
 
@@ -254,6 +263,7 @@ class Detection:
             "arena": self.arena and self.arena.to_dict(),
             "floor": planes.pop(0) if self.floor else None,
             "planes": planes,
+            "shells": [list(shell) for shell in self.shells],
         }
 
     def to_json(self, file: str | PathLike[str] | None = None) -> str:
@@ -264,7 +274,10 @@ class Detection:
         return text
 
     def to_csv(self, file: str | PathLike[str]) -> None:
-        """Write the solids as a table: kind, center, angle, sizes, height, number of corners."""
+        """Write the solids as a table: kind, center, angle, sizes, height, number of corners.
+
+        The corners are those of the footprint, or all where there is none.
+        """
         with open(file, "w", newline="") as stream:
             table = csv.writer(stream)
             table.writerow(
@@ -276,12 +289,14 @@ class Detection:
                     "angle_rad",
                     "size_m",
                     "size_2_m",
+                    "size_3_m",
                     "height_m",
                     "corners",
                 ]
             )
             for solid in self.solids:
-                sizes = [*np.atleast_1d(solid.size).tolist(), ""][:2]
+                corners = solid.vertices if solid.footprint is None else solid.footprint
+                sizes = [*np.atleast_1d(solid.size).tolist(), "", ""][:3]
                 table.writerow(
                     [
                         solid.kind,
@@ -289,7 +304,7 @@ class Detection:
                         solid.angle,
                         *sizes,
                         solid.height,
-                        len(solid.footprint),
+                        len(corners),
                     ]
                 )
 
@@ -337,8 +352,10 @@ def detect(
         "likelihood": solids that explain all ranges, returned or not, which stands noise as large
         as the solids (see `detect_likelihood`); it asks where the beams began, and should know how
         far the sensor sees.
+        "planes": planes in any direction, and the solids that they enclose, in any position and of
+        any shape (see `detect_by_planes`).
         "paper": RANSAC, DBSCAN, intersections and cycles, with repairs (see `detect_paper`).
-        None is "likelihood" for a scan with origins and `max_range`, else "paper".
+        None is "likelihood" for a scan with origins and `max_range`, else "planes".
     rng : None, int or numpy.random.Generator
         Same `rng`, same result, at any number of threads.
     **options
@@ -363,12 +380,13 @@ def detect(
     """
     from primfit.likelihood import detect_likelihood
     from primfit.paper import detect_paper
+    from primfit.solids_of_planes import detect_by_planes
 
-    methods = {"paper": detect_paper, "likelihood": detect_likelihood}
+    methods = {"likelihood": detect_likelihood, "planes": detect_by_planes, "paper": detect_paper}
     recorded = scan if isinstance(scan, Scan) else Scan.from_points(scan)
     if method is None:
         passed_is_known = recorded.has_origins and recorded.max_range is not None
-        method = "likelihood" if passed_is_known else "paper"
+        method = "likelihood" if passed_is_known else "planes"
     run = methods[choice("method", method, list(methods))]
     offset = recorded.far_offset
     return run(recorded.moved(-offset), rng, **options).moved(offset, recorded)

@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from primfit._check import Floats, instance, number
 from primfit.detection import Detection, FoundSolid
 from primfit.footprints import symmetry_angle
+from primfit.found_polyhedra import FoundPolyhedron
 from primfit.polyhedron import Polyhedron
 from primfit.shapes import turn_between
 from primfit.solids import Prism
@@ -216,7 +217,7 @@ def _compare(i: int, solid: Solid, j: int, found: Detection) -> Row:
     )
 
 
-def _angle_error(solid: Solid, other: FoundSolid) -> float:
+def _angle_error(solid: Solid, other: FoundSolid | FoundPolyhedron) -> float:
     """Difference of two angles modulo the symmetry of the true solid, radians.
 
     Without a kind in common the outlines themselves are laid over each other, and without an

@@ -55,6 +55,6 @@ def fitted_together(equations: Floats, scatters: Floats, corners: list[Ints]) ->
         equations = equations + step[: 4 * n_planes].reshape(-1, 4)
         equations /= np.linalg.norm(equations[:, :3], axis=1, keepdims=True)
         vertices = vertices + step[4 * n_planes : n_free].reshape(-1, 3)
-        if np.abs(misfit).max() <= 1e-11 * np.abs(vertices).max():
+        if max(np.abs(misfit).max(), np.abs(step[:n_free]).max()) <= 1e-11 * np.abs(vertices).max():
             break
     return vertices

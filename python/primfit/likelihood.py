@@ -22,8 +22,8 @@ from primfit.description import describe
 from primfit.detection import Detection
 from primfit.fitting import Fit
 from primfit.noise import estimate_range_sigma
-from primfit.planes import Progress, check_enough, cloud_of, find_floor
 from primfit.repair import LEAST_GAIN, MISFIT, repair
+from primfit.scan_planes import Progress, check_enough, find_floor, noisy_points
 from primfit.scans import Scan, as_sigma
 from primfit.scene import Obstacle, Scene
 from primfit.surroundings import find_room, measure_noise, survey
@@ -110,7 +110,7 @@ def detect_likelihood(
     reach = float(scan.ranges[rows].max()) if scan.max_range is None else scan.max_range
     sigmas = np.maximum(np.broadcast_to(spread, len(scan)), LEAST_SIGMA * reach)
     some = rows[:: max(1, len(rows) // _FLOOR_POINTS)]
-    floor = find_floor(cloud_of(scan, some, sigmas, rng)[0], some, rng)
+    floor = find_floor(noisy_points(scan, some, sigmas, rng)[0], some, rng)
     base = 0.0 if floor is None else -float(floor.equation[3] / floor.equation[2])
     scene = Scene(scan, Noise(sigma=sigmas, reach=reach), base, threads)
 

@@ -17,15 +17,15 @@ from primfit.classification import Outline, classify, classify_by_sides
 from primfit.detection import Detection, FoundArena, FoundSolid
 from primfit.footprints import signed_area
 from primfit.peeling import Patch, Peeling
-from primfit.planes import (
+from primfit.ransac import NoisyPoints, Orientation
+from primfit.scan_planes import (
     Progress,
     bounded,
     check_enough,
-    cloud_of,
     find_floor,
+    noisy_points,
     peel_with_progress,
 )
-from primfit.ransac import Cloud, Orientation
 from primfit.scans import Scan, as_sigma
 from primfit.topology import (
     Wall,
@@ -179,7 +179,7 @@ def detect_paper(
     rng = np.random.default_rng(rng)
     rows = np.flatnonzero(scan.is_return & ~(scan.points[:, 2] < how.z_low))
     check_enough(rows)
-    cloud, used_sigma = cloud_of(
+    cloud, used_sigma = noisy_points(
         scan,
         rows,
         scan.sigma if sigma is None else as_sigma(sigma, len(scan)),
@@ -242,7 +242,7 @@ def detect_paper(
 def _solids_by_chains(
     walls: list[Wall],
     patches: list[Patch],
-    cloud: Cloud,
+    cloud: NoisyPoints,
     base: float | None,
     close: float,
     how: PaperSettings,
@@ -274,7 +274,7 @@ def _solids_by_chains(
 def _solids_by_pairs(
     walls: list[Wall],
     patches: list[Patch],
-    cloud: Cloud,
+    cloud: NoisyPoints,
     base: float | None,
     close: float,
     how: PaperSettings,
@@ -292,7 +292,7 @@ def _solids_by_pairs(
 def _solid(
     outline: Outline,
     planes: tuple[int, ...],
-    cloud: Cloud,
+    cloud: NoisyPoints,
     walls: tuple[Wall, ...],
     base: float | None,
 ) -> FoundSolid:
@@ -320,7 +320,7 @@ def _solid(
 
 
 def _part_enclosing(
-    solids: list[FoundSolid], cloud: Cloud, close: float
+    solids: list[FoundSolid], cloud: NoisyPoints, close: float
 ) -> tuple[list[FoundSolid], FoundArena | None]:
     """Where the seen sides are not known, the outline with the other points inside is the arena."""
     if not solids:

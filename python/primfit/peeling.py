@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from primfit._check import Bools, Floats, Ints
 from primfit.noise import spacing
 from primfit.passages import MOST_PASSING, passages
-from primfit.ransac import Cloud, Orientation, PlaneModel, find_plane, fit
+from primfit.ransac import NoisyPoints, Orientation, PlaneModel, find_plane, fit
 from primfit.scans import Scan
 
 _CLAIM = 1.5
@@ -54,7 +54,7 @@ class Patch:
     high: Floats
 
     @classmethod
-    def of(cls, cloud: Cloud, model: PlaneModel, inliers: Ints) -> Patch:
+    def of(cls, cloud: NoisyPoints, model: PlaneModel, inliers: Ints) -> Patch:
         """The patch that some points of a cloud support."""
         normal = model.equation[:3]
         up = np.eye(3)[2 if abs(normal[2]) < 0.9 else 1]
@@ -78,7 +78,7 @@ class Patch:
         middle: Floats = self.corners.mean(axis=0)
         return middle
 
-    def covers(self, cloud: Cloud, margin: float) -> Bools:
+    def covers(self, cloud: NoisyPoints, margin: float) -> Bools:
         """Which points meet the plane within `margin` of the patch's reach."""
         at = cloud.feet(self.model.equation) @ self.axes.T
         above, below = at >= self.low - margin, at <= self.high + margin
@@ -113,7 +113,7 @@ class Peeling:
 
 
 def find_planes(
-    cloud: Cloud,
+    cloud: NoisyPoints,
     how: Peeling,
     rng: np.random.Generator,
     *,
@@ -186,7 +186,9 @@ def find_planes(
     return patches, first_eps
 
 
-def _split(cloud: Cloud, patches: list[Patch], how: Peeling, scan: Scan, eps: float) -> list[Patch]:
+def _split(
+    cloud: NoisyPoints, patches: list[Patch], how: Peeling, scan: Scan, eps: float
+) -> list[Patch]:
     """Cut patches along their first axis where more beams pass than end on them."""
     pieces = []
     for patch in patches:
@@ -210,7 +212,7 @@ def _split(cloud: Cloud, patches: list[Patch], how: Peeling, scan: Scan, eps: fl
 
 
 def _merge(
-    cloud: Cloud, patches: list[Patch], how: Peeling, scan: Scan | None, eps: float
+    cloud: NoisyPoints, patches: list[Patch], how: Peeling, scan: Scan | None, eps: float
 ) -> list[Patch]:
     """Put together what one plane explains as well as two (Bayesian information criterion).
 
@@ -230,7 +232,7 @@ def _merge(
 
 
 def _union(
-    cloud: Cloud, a: Patch, b: Patch, how: Peeling, scan: Scan | None, eps: float
+    cloud: NoisyPoints, a: Patch, b: Patch, how: Peeling, scan: Scan | None, eps: float
 ) -> Patch | None:
     if a.model.equation[:3] @ b.model.equation[:3] < _LEAST_COSINE:
         return None
@@ -271,7 +273,7 @@ def _union(
     return Patch.of(cloud, model, rows)
 
 
-def _compete(cloud: Cloud, patches: list[Patch], how: Peeling, eps: float) -> list[Patch]:
+def _compete(cloud: NoisyPoints, patches: list[Patch], how: Peeling, eps: float) -> list[Patch]:
     """Give each point to the nearest plane, drop planes that others make needless, refit.
 
     A plane is needless when the points that it explains better than the others do not pay for

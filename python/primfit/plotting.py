@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from primfit._check import Floats
-from primfit.detection import Detection
+from primfit.detection import Detection, FoundSolid
+from primfit.found_polyhedra import FoundPolyhedron
 from primfit.scans import Scan
-from primfit.solids import Prism
+from primfit.shells import area_vectors
 from primfit.worlds import COLORS, OTHER_COLOR, Solid, World
 
 if TYPE_CHECKING:
@@ -74,11 +75,11 @@ def plot_world(world: World, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _tops(solid: Solid) -> list[Floats]:
+def _tops(solid: Solid | FoundSolid | FoundPolyhedron) -> list[Floats]:
     """Outlines (m, 2) of the faces that look upwards."""
-    if isinstance(solid, Prism):
+    if solid.footprint is not None:
         return [solid.footprint]
-    up = solid.normals[:, 2] > 0.0
+    up = area_vectors(solid.vertices, solid.faces)[:, 2] > 0.0
     return [solid.vertices[face, :2] for face, is_up in zip(solid.faces, up, strict=True) if is_up]
 
 
@@ -109,9 +110,10 @@ def plot_detection(found: Detection, world: World | None = None, ax: Axes | None
         for outline in (each for solid in world.solids for each in _tops(solid)):
             ax.fill(*outline.T, fill=False, edgecolor="0.1", linestyle="--", linewidth=0.8)
     for found_solid in found.solids:
-        outline = found_solid.footprint
-        ax.fill(*outline.T, facecolor=_color(found_solid.kind), alpha=0.45)
-        ax.plot(*np.vstack([outline, outline[:1]]).T, color=_color(found_solid.kind), linewidth=1.2)
+        shade = _color(found_solid.kind)
+        for outline in _tops(found_solid):
+            ax.fill(*outline.T, facecolor=shade, alpha=0.45)
+            ax.plot(*np.vstack([outline, outline[:1]]).T, color=shade, linewidth=1.2)
         x, y, _ = found_solid.center
         ax.plot(x, y, marker="+", color="black", markersize=5)
         ax.annotate(

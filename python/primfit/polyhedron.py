@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from primfit import shells
 from primfit._check import Bools, Floats, Ints, as_rows, as_vector, frozen, integer, number
-from primfit.faces import check_flat, moments, triangles_of, winding_number
+from primfit.faces import FlatFaced, check_flat, moments, triangles_of, winding_number
 from primfit.footprints import angle_of, clean_footprint, regular_footprint
 from primfit.shapes import Shape, shape_of
 from primfit.shells import FLAT
@@ -24,7 +24,7 @@ _PAIRS_AT_ONCE = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
-class Polyhedron:
+class Polyhedron(FlatFaced):
     """A solid with flat faces, in any position.
 
     Faces are turned outwards, flat neighbours become one face, and vertices in the middle of edges
@@ -225,25 +225,6 @@ class Polyhedron:
         return np.nan if self.footprint is None else angle_of(self.footprint)
 
     @property
-    def center(self) -> Floats:
-        """Mean of the vertices (3,), metres (the paper's equation 1)."""
-        return self.vertices.mean(axis=0)
-
-    @property
-    def centroid(self) -> Floats:
-        """Centroid of the volume (3,), metres."""
-        return self.center + self._volume_and_centroid[1]
-
-    @property
-    def volume(self) -> float:
-        """Volume, cubic metres."""
-        return self._volume_and_centroid[0]
-
-    @cached_property
-    def _volume_and_centroid(self) -> tuple[float, Floats]:
-        return moments(self.vertices - self.center, self.faces)
-
-    @property
     def base(self) -> float:
         """Lowest z, metres."""
         return float(self.vertices[:, 2].min())
@@ -310,12 +291,8 @@ class Polyhedron:
         }
 
     def __repr__(self) -> str:
-        center = ", ".join(f"{value:.3f}" for value in self.center)
-        size = ", ".join(f"{value:.3f}" for value in np.atleast_1d(self.size))
-        return (
-            f"Polyhedron({self.kind}, center=({center}), size={size} m, "
-            f"{len(self.faces)} faces, {len(self.vertices)} vertices)"
-        )
+        counts = f"{len(self.faces)} faces, {len(self.vertices)} vertices"
+        return self._text(self.kind, self.size, counts)
 
 
 def _positive(**values: float) -> tuple[float, ...]:

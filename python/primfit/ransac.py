@@ -97,7 +97,7 @@ class Orientation:
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class NoisyPoints:
     """Points as plane detection looks at them.
 
     Attributes
@@ -119,10 +119,10 @@ class Cloud:
     def __len__(self) -> int:
         return len(self.points)
 
-    def take(self, rows: Ints | Bools) -> Cloud:
+    def take(self, rows: Ints | Bools) -> NoisyPoints:
         """Some of the points."""
         directions = None if self.directions is None else self.directions[rows]
-        return Cloud(self.points[rows], directions, self.sigma[rows], self.limit[rows])
+        return NoisyPoints(self.points[rows], directions, self.sigma[rows], self.limit[rows])
 
     def residuals(self, equation: Floats) -> Floats:
         """Distance of each point to a plane (n,): along its beam, or perpendicular without beams.
@@ -167,7 +167,7 @@ class PlaneModel:
 
 
 def draw_hypotheses(
-    cloud: Cloud,
+    cloud: NoisyPoints,
     n: int,
     orientation: Orientation,
     rng: np.random.Generator,
@@ -206,7 +206,7 @@ def draw_hypotheses(
 
 
 def best_hypothesis(
-    cloud: Cloud, equations: Floats, *, msac: bool, n_jobs: int | None
+    cloud: NoisyPoints, equations: Floats, *, msac: bool, n_jobs: int | None
 ) -> tuple[Floats, float]:
     """The plane (4,) with the highest score, oriented, and its score; ties to the first.
 
@@ -223,7 +223,7 @@ def best_hypothesis(
     return equations[best], float(scores[best])
 
 
-def fit(cloud: Cloud, equation: Floats, orientation: Orientation) -> PlaneModel | None:
+def fit(cloud: NoisyPoints, equation: Floats, orientation: Orientation) -> PlaneModel | None:
     """Least-squares plane of a cloud: along the beams where they are known, else perpendicular.
 
     It starts from `equation` and keeps its side. Beams nearly along the plane are left out when
@@ -252,7 +252,7 @@ def fit(cloud: Cloud, equation: Floats, orientation: Orientation) -> PlaneModel 
 
 
 def find_plane(
-    cloud: Cloud,
+    cloud: NoisyPoints,
     orientation: Orientation,
     rng: np.random.Generator,
     *,
@@ -295,7 +295,7 @@ def find_plane(
 
 
 def settle(
-    cloud: Cloud,
+    cloud: NoisyPoints,
     equation: Floats,
     orientation: Orientation,
     eps: float,
@@ -321,7 +321,7 @@ def settle(
     return model, inliers
 
 
-def _largest_cluster(cloud: Cloud, equation: Floats, eps: float) -> Ints:
+def _largest_cluster(cloud: NoisyPoints, equation: Floats, eps: float) -> Ints:
     inliers = np.flatnonzero(np.abs(cloud.residuals(equation)) <= cloud.limit)
     if not len(inliers):
         return inliers

@@ -15,9 +15,9 @@ from primfit.detection import detect
 from primfit.evaluation import Report, evaluate
 from primfit.paper import PaperSettings
 from primfit.paths import grid_path
+from primfit.random_worlds import random_world
 from primfit.scanning import scan
 from primfit.sensors import Lidar
-from primfit.worlds import random_world
 
 PREFACE = """\
 What the paper leaves open, and what stands for it here: arenas of 2 x 2 m for maps, 1 x 1 m for

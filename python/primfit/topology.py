@@ -20,7 +20,7 @@ from primfit._check import Floats
 from primfit.footprints import signed_area
 from primfit.passages import MOST_PASSING, passages
 from primfit.peeling import Patch
-from primfit.ransac import Cloud, Orientation, fit
+from primfit.ransac import NoisyPoints, Orientation, fit
 from primfit.scans import Scan
 
 _LEAST_SINE = 0.1
@@ -68,7 +68,9 @@ class Wall:
     side: float = 1.0
 
     @classmethod
-    def of(cls, number: int, patch: Patch, cloud: Cloud, scan: Scan | None, sigma: float) -> Wall:
+    def of(
+        cls, number: int, patch: Patch, cloud: NoisyPoints, scan: Scan | None, sigma: float
+    ) -> Wall:
         """The wall of an upright patch.
 
         With a scan it ends where beams that pass begin to outnumber those that end on it.
@@ -161,7 +163,9 @@ def _dense_run(hits: Floats, passed: Floats) -> tuple[float, float]:
     return float(places[order[first]]), float(places[order[last]])
 
 
-def walls_of(patches: Iterable[Patch], cloud: Cloud, scan: Scan | None, sigma: float) -> list[Wall]:
+def walls_of(
+    patches: Iterable[Patch], cloud: NoisyPoints, scan: Scan | None, sigma: float
+) -> list[Wall]:
     """The upright ones of some patches, as walls."""
     return [
         Wall.of(number, patch, cloud, scan, sigma)
@@ -229,7 +233,7 @@ def chain_walls(walls: list[Wall], tolerance: float) -> list[Cycle]:
     return cycles if one_sided else [cycle for cycle in cycles if cycle.is_solid]
 
 
-def refine(cycle: Cycle, cloud: Cloud, orientation: Orientation) -> Cycle:
+def refine(cycle: Cycle, cloud: NoisyPoints, orientation: Orientation) -> Cycle:
     """The cycle with its walls fitted to all points that are theirs by their place.
 
     A point is a wall's when its beam meets the line between the two corners: unlike the distance
@@ -267,7 +271,7 @@ def _corner(wall: Wall, other: Wall) -> Floats | None:
 
 
 def intersect_pairs(
-    cloud: Cloud, patches: list[Patch], walls: list[Wall], close: float
+    cloud: NoisyPoints, patches: list[Patch], walls: list[Wall], close: float
 ) -> list[tuple[int, int, Floats]]:
     """Edges of the paper's graph (Algorithm 3, lines 10 to 21).
 
