@@ -258,11 +258,12 @@ class TestScores:
         )
         np.testing.assert_array_equal(forward, backward)
 
-    def test_planes_seen_from_behind_score_nothing(self):
+    def test_planes_seen_from_behind_score_nothing_but_turned_round(self):
         points = np.column_stack([np.random.default_rng(6).uniform(size=(100, 2)), np.zeros(100)])
         down = np.tile([0.0, 0.0, -1.0], (100, 1))
         equations = np.array([[0.0, 0, 1, 0], [0, 0, -1, 0]])
-        np.testing.assert_array_equal(_primfit.score_planes(points, equations, 0.1, down), [100, 0])
+        scores = _primfit.score_planes(points, equations, 0.1, down)
+        np.testing.assert_array_equal(scores, [100, 0, 0, 100])
 
 
 class TestFits:
