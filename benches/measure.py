@@ -25,15 +25,20 @@ def print_versions(*packages: str) -> None:
             print(f"{package} is missing: install the extra `bench`")
 
 
-def rounds(calls: dict[str, Callable[[], Any]], repeat: int) -> dict[str, tuple[float, float]]:
-    """Median wall and CPU seconds of each call; every round makes each call in turn."""
+def runs(calls: dict[str, Callable[[], Any]], repeat: int) -> dict[str, list[tuple[float, float]]]:
+    """Wall and CPU seconds of each run of each call; every round makes each call in turn."""
     seconds: dict[str, list[tuple[float, float]]] = {name: [] for name in calls}
     for _ in range(repeat):
         for name, call in calls.items():
             wall, cpu = time.perf_counter(), time.process_time()
             call()
             seconds[name].append((time.perf_counter() - wall, time.process_time() - cpu))
+    return seconds
+
+
+def rounds(calls: dict[str, Callable[[], Any]], repeat: int) -> dict[str, tuple[float, float]]:
+    """Median wall and CPU seconds of each call."""
     return {
-        name: (median(wall for wall, _ in runs), median(cpu for _, cpu in runs))
-        for name, runs in seconds.items()
+        name: (median(wall for wall, _ in times), median(cpu for _, cpu in times))
+        for name, times in runs(calls, repeat).items()
     }

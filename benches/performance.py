@@ -5,33 +5,32 @@
 
 Needs Linux and the extras `bench` and `plot`. The page is filled in between its markers; what stands around
 them is written by hand. Answers are compared by the benchmarks of the single kernels (`rays.py`,
-`dbscan.py`, `scoring.py`, `bench.py`); here is only measured.
+`dbscan.py`, `scoring.py`, `bench.py`); here is only measured. The figure is that of `scaling.py`.
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
-import multiprocessing
 import re
 import sys
-import time
-from collections.abc import Callable
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from statistics import median
 
+import bench
 import numpy as np
+import open3d
 import rays as rays_bench
-from matplotlib import pyplot as plt
-from measure import rounds
+from measure import rounds, runs
+from plane_scenes import building
+from scaling import DOCS, draw, peak_from_now, scored
 
 import primfit
 from primfit import _primfit
 
-DOCS = Path(__file__).parent.parent / "docs"
-THREADS = (1, 2)
+MAPS = 5
 
 
 def ray_rows(repeat: int, share: float) -> list[str]:
@@ -52,8 +51,8 @@ def ray_rows(repeat: int, share: float) -> list[str]:
             f"{build['theirs'][1]:.4f} s | {build['theirs'][1] / build['ours'][1]:.2f} |"
         )
         ours, theirs = rays_bench.build_primfit(mesh, 1), rays_bench.build_open3d(mesh, 1)
-        for beams, draw in rays_bench.BEAMS.items():
-            some = draw(places, rng, share)
+        for beams, make_rays in rays_bench.BEAMS.items():
+            some = make_rays(places, rng, share)
             seconds = rounds({"ours": ours(some), "theirs": theirs(some)}, repeat)
             mine, other = (len(some[0]) / 1e6 / seconds[who][1] for who in ("ours", "theirs"))
             rows.append(
@@ -109,8 +108,13 @@ def score_rows(repeat: int) -> list[str]:
             name: partial(_primfit.score_planes, points, equations, 0.01, *each, 1)
             for name, each in how.items()
         }
-        for name, (_, cpu) in rounds(calls, repeat).items():
-            rows.append(f"| {name}, {n} points x {k} planes | {n * k / cpu / 1e9:.2f} G/s | | |")
+        for name, times in runs(calls, 2 * repeat).items():
+            # With beams, a plane and the same one turned round are two.
+            tests = n * k * (1 if calls[name].args[3] is None else 2)
+            usual, best = (tests / of(cpu for _, cpu in times) / 1e9 for of in (median, min))
+            rows.append(
+                f"| {name}, {n} points x {k} planes | {usual:.2f} G/s, at best {best:.2f} | | |"
+            )
     return rows
 
 
@@ -138,128 +142,49 @@ def clustering_rows(repeat: int) -> list[str]:
     return rows
 
 
-def scored(n: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points, directions and planes without order."""
-    rng = np.random.default_rng(7)
-    directions, equations = rng.normal(size=(n, 3)), rng.normal(size=(k, 4))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    equations /= np.linalg.norm(equations[:, :3], axis=1, keepdims=True)
-    return rng.uniform(size=(n, 3)), directions, equations
-
-
-def walls(n: int) -> np.ndarray:
-    """Points on 100 walls at one density, 10 mm of noise."""
-    rng = np.random.default_rng(7)
-    axes = np.linalg.qr(rng.normal(size=(100, 3, 2)))[0]
-    size = np.sqrt(n / 100 / 400.0)
-    wall = rng.integers(0, 100, n)
-    places = np.einsum("ijk,ik->ij", axes[wall], size * rng.uniform(-0.5, 0.5, (n, 2)))
-    return (
-        3 * size * rng.uniform(size=(100, 3))[wall] + places + rng.normal(scale=0.01, size=(n, 3))
+def cloud_rows() -> list[str]:
+    """Seconds of what is done with a bare cloud of a building, and the memory for its planes."""
+    points = np.ascontiguousarray(building(7).points)
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
+    nearest = open3d.geometry.KDTreeSearchParamKNN(16)
+    seconds = rounds(
+        {
+            "neighbors": lambda: _primfit.PointTree(points).neighbors(points, 16, 1),
+            "planes": lambda: _primfit.PointTree(points).local_planes(None, 1),
+            "normals": lambda: cloud.estimate_normals(nearest),
+        },
+        1,
     )
+    (neighbors, planes, normals) = (cpu for _, cpu in seconds.values())
+    peak = peak_from_now()
+    whole = rounds({"all": partial(primfit.detect_planes, points, n_jobs=1)}, 1)["all"][1]
+    n = len(points)
+    return [
+        f"| 16 nearest of each of {n} points | {neighbors:.1f} s | | |",
+        f"| noise, flatness and normal around each of {n} points | {planes:.1f} s | "
+        f"{normals:.1f} s (Open3D, normals alone, k = 16) | {normals / planes:.1f} |",
+        f"| `detect_planes` of {n} points, {peak():.0f} MB above the input | {whole:.1f} s | | |",
+    ]
 
 
-def clustering(n: int) -> Callable[[int], Any]:
-    points = walls(n)
-    return lambda _: primfit.dbscan(points, 0.15, 10)
-
-
-def scoring(n: int) -> Callable[[int], Any]:
-    points, _, equations = scored(n, 100)
-    return lambda threads: _primfit.score_planes(points, equations, 0.01, None, False, threads)
-
-
-def terrain(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """About n triangles over a square."""
-    side = max(2, round(np.sqrt(n / 2)) + 1)
-    axis = np.linspace(0, 100, side)
-    x, y = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
-    row = np.arange(side * side).reshape(side, side)
-    a, b, c, d = (part.ravel() for part in (row[:-1, :-1], row[1:, :-1], row[1:, 1:], row[:-1, 1:]))
-    triangles = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    return np.column_stack([x, y, 3 * np.sin(x / 7) * np.cos(y / 5)]), triangles
-
-
-def building(n: int) -> Callable[[int], Any]:
-    mesh = terrain(n)
-    return lambda _: primfit.RayCaster(mesh)
-
-
-def casting(n: int) -> Callable[[int], Any]:
-    rng = np.random.default_rng(7)
-    caster = primfit.RayCaster(terrain(n))
-    origins = rng.uniform((10, 10, 4), (90, 90, 8), (200_000, 3))
-    directions = rng.normal(size=(200_000, 3))
-    return lambda threads: caster.cast(origins, directions, threads)
-
-
-CURVES: dict[str, tuple[Callable[[int], Callable[[int], Any]], int, int, bool]] = {
-    "clustering, a point": (clustering, 10_000, 10_000_000, True),
-    "scoring by 100 planes, a point": (scoring, 10_000, 10_000_000, True),
-    "building, a triangle": (building, 100, 1_000_000, True),
-    "casting, a random ray": (casting, 100, 1_000_000, False),
-}
-"""What is measured, from how many to how many, and whether time is that of one of them."""
-
-
-def measured(name: str, n: int) -> tuple[list[float], float]:
-    """Best wall seconds at each number of threads, and megabytes above those of the input."""
-    prepare, *_ = CURVES[name]
-    call = prepare(n)
-    Path("/proc/self/clear_refs").write_text("5")  # forgets the peak so far
-    before = resident("VmRSS")
-    seconds = []
-    for threads in THREADS:
-        runs = []
-        for _ in range(3):
-            start = time.perf_counter()
-            kept = call(threads)
-            runs.append(time.perf_counter() - start)
-            del kept
-            if runs[-1] > 2.0:
-                break
-        seconds.append(min(runs))
-    return seconds, resident("VmHWM") - before
-
-
-def resident(field: str) -> float:
-    """Megabytes of this process, by Linux."""
-    status = Path("/proc/self/status").read_text()
-    return int(re.search(rf"{field}:\s+(\d+)", status)[1]) / 1024
-
-
-def draw(largest: int) -> None:
-    """The figure: nanoseconds for one, and memory, against the number."""
-    context = multiprocessing.get_context("spawn")
-    _, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2), constrained_layout=True)
-    for color, (name, (_, first, last, is_each)) in enumerate(CURVES.items()):
-        numbers = [n for n in 10 ** np.arange(2, 9) if first <= n <= min(last, largest)]
-        results = []
-        for n in numbers:
-            # Each in a process of its own, so that its peak of memory is its own.
-            with context.Pool(1) as pool:
-                results.append(pool.apply(measured, (name, int(n))))
-        for i, threads in enumerate(THREADS):
-            if name.startswith(("clustering", "building")) and threads > 1:
-                continue  # they take all threads
-            each = [
-                1e9 * seconds[i] / (n if is_each else 200_000)
-                for n, (seconds, _) in zip(numbers, results, strict=True)
-            ]
-            label = f"{name}, {threads} thread{'s' * (threads > 1)}"
-            if name.startswith(("clustering", "building")):
-                label = f"{name}, all threads"
-            left.loglog(numbers, each, "-o" if i == 0 else "--s", color=f"C{color}", label=label)
-        if is_each:
-            right.loglog(
-                numbers, [max(mb, 0.1) for _, mb in results], "-o", color=f"C{color}", label=name
-            )
-    left.set(xlabel="points or triangles", ylabel="ns of wall for one", title="Time")
-    right.set(xlabel="points or triangles", ylabel="MB at the peak above the input", title="Memory")
-    for axes in (left, right):
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=7)
-    plt.savefig(DOCS / "performance.png", dpi=130)
+def map_rows(repeat: int) -> list[str]:
+    """Seconds of a whole map of the paper's: by its method beside the twin, by the likelihood."""
+    (paper,) = bench.pipeline()
+    ours = rounds({"ours": paper.ours}, repeat)["ours"][1]
+    twin = rounds({"twin": paper.twin}, 1)["twin"][1]
+    each = []
+    for seed in range(MAPS):
+        world = primfit.random_world(rng=seed)
+        path = primfit.grid_path(world, 0.25, rng=seed)
+        scan = primfit.scan(world, path, primfit.Lidar(noise=0.05), rng=seed)
+        call = partial(primfit.detect, scan, "likelihood", rng=seed, n_jobs=1)
+        each.append(rounds({"map": call}, 1)["map"][1])
+    return [
+        f"| scan to solids, the paper's method | {ours:.2f} s | {twin:.1f} s (NumPy twin) | "
+        f"{twin / ours:.0f} |",
+        f"| solids by the likelihood, {MAPS} maps with 50 mm of noise | "
+        f"{np.mean(each):.2f} s a map | | |",
+    ]
 
 
 def main() -> None:
@@ -276,6 +201,8 @@ def main() -> None:
         *scan_rows(arguments.repeat),
         *score_rows(arguments.repeat),
         *clustering_rows(arguments.repeat),
+        *cloud_rows(),
+        *map_rows(arguments.repeat),
     ]
     libraries = f"primfit {primfit.__version__}, Open3D {version('open3d-cpu')}"
     table = "\n".join([f"{libraries}; one thread, CPU seconds, medians.", "", *rows])

@@ -65,21 +65,21 @@ def turned(poses, beams):
 
 
 def score_planes(points, equations, threshold, directions=None, msac=False, n_jobs=None):
-    scores = np.zeros(len(equations))
+    sides = 1 if directions is None else 2
+    scores = np.zeros((sides, len(equations)))
     normals, offsets = equations[:, :3].T, equations[:, 3]
     for i in range(0, len(points), 2048):
         distance = points[i : i + 2048] @ normals + offsets
         limit = threshold
         if directions is not None:
             limit = -threshold * (directions[i : i + 2048] @ normals)
-        inside = np.abs(distance) <= limit
         if msac:
             with np.errstate(divide="ignore", invalid="ignore"):
                 gain = np.rint((1 - (distance / limit) ** 2) * 32768) / 32768
-            scores += np.where(inside, gain, 0.0).sum(axis=0)
-        else:
-            scores += inside.sum(axis=0)
-    return scores
+        for score, limit_of_side in zip(scores, (limit, -limit), strict=False):
+            inside = np.abs(distance) <= limit_of_side
+            score += np.where(inside, gain, 0.0).sum(axis=0) if msac else inside.sum(axis=0)
+    return scores.ravel()
 
 
 def dbscan(points, eps, min_samples):
@@ -178,10 +178,37 @@ def fit_plane_to_ranges(points, directions, sigmas, equation, normal_space):
     return np.append(normal, offset - normal @ origin), covariance, rms
 
 
+def residuals(points, directions, equation):
+    distance = points @ equation[:3] + equation[3]
+    if directions is None:
+        return distance
+    approach = -(directions @ equation[:3])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(approach > 0.0, distance / approach, np.inf)
+
+
+def passages(origins, directions, ranges, farthest, equation, axes, clear):
+    reached = np.where(np.isfinite(ranges), ranges, farthest)
+    approach = -(directions @ equation[:3])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = (origins @ equation[:3] + equation[3]) / approach
+        passed = (approach > 0.0) & (crossing > 0.0) & (reached > crossing + clear)
+    return (origins[passed] + crossing[passed, None] * directions[passed]) @ axes.T
+
+
 @contextmanager
 def instead_of_rust() -> Iterator[None]:
     """Let the whole library run on the twins."""
-    twins = [RayCaster, turned, score_planes, dbscan, fit_plane, fit_plane_to_ranges]
+    twins = [
+        RayCaster,
+        turned,
+        score_planes,
+        dbscan,
+        fit_plane,
+        fit_plane_to_ranges,
+        residuals,
+        passages,
+    ]
     rust = {twin.__name__: getattr(_primfit, twin.__name__) for twin in twins}
     try:
         for twin in twins:

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 import primfit
-from primfit import _primfit
+from primfit import _primfit, casting
 
 
 def box(low=(0, 0, 0), high=(1, 1, 1)):
@@ -218,6 +218,25 @@ class TestRays:
         np.testing.assert_allclose(after[same], before[same], atol=1e-9)
 
 
+class TestProgress:
+    def test_of_many_rays_comes_to_all_with_the_same_answer(self, monkeypatch):
+        monkeypatch.setattr(casting, "_RAYS_AT_ONCE", 64)
+        rng, seen = np.random.default_rng(3), []
+        caster = primfit.RayCaster(box())
+        origins, directions = rng.normal(size=(2, 150, 3))
+        told = caster.cast(origins, directions, progress=lambda *done: seen.append(done))
+        assert seen == [(64, 150), (128, 150), (150, 150)]
+        for a, b in zip(told, caster.cast(origins, directions), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+    def test_bad_rows_keep_their_numbers(self, monkeypatch):
+        monkeypatch.setattr(casting, "_RAYS_AT_ONCE", 64)
+        caster, directions = primfit.RayCaster(box()), np.ones((150, 3))
+        directions[100] = 0
+        with pytest.raises(ValueError, match="row 100"):
+            caster.cast(np.ones((150, 3)), directions, progress=lambda *done: None)
+
+
 class TestScores:
     @pytest.mark.parametrize("along_beams", [False, True])
     @pytest.mark.parametrize("msac", [False, True])
@@ -258,11 +277,12 @@ class TestScores:
         )
         np.testing.assert_array_equal(forward, backward)
 
-    def test_planes_seen_from_behind_score_nothing(self):
+    def test_planes_seen_from_behind_score_nothing_but_turned_round(self):
         points = np.column_stack([np.random.default_rng(6).uniform(size=(100, 2)), np.zeros(100)])
         down = np.tile([0.0, 0.0, -1.0], (100, 1))
         equations = np.array([[0.0, 0, 1, 0], [0, 0, -1, 0]])
-        np.testing.assert_array_equal(_primfit.score_planes(points, equations, 0.1, down), [100, 0])
+        scores = _primfit.score_planes(points, equations, 0.1, down)
+        np.testing.assert_array_equal(scores, [100, 0, 0, 100])
 
 
 class TestFits:

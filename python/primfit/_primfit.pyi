@@ -12,6 +12,8 @@ __all__ = [
     "dbscan",
     "fit_plane",
     "fit_plane_to_ranges",
+    "passages",
+    "residuals",
     "score_planes",
     "turned",
 ]
@@ -117,6 +119,20 @@ def fit_plane_to_ranges(
     equation: Sequence[float] | NDArray[np.float64],
     normal_space: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None: ...
+def passages(
+    origins: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    ranges: NDArray[np.float64],
+    farthest: float,
+    equation: Sequence[float] | NDArray[np.float64],
+    axes: Sequence[Sequence[float]] | NDArray[np.float64],
+    clear: float,
+) -> NDArray[np.float64]: ...
+def residuals(
+    points: NDArray[np.float64],
+    directions: NDArray[np.float64] | None,
+    equation: Sequence[float] | NDArray[np.float64],
+) -> NDArray[np.float64]: ...
 def score_planes(
     points: NDArray[np.float64],
     equations: NDArray[np.float64],

@@ -8,11 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit import _primfit
-from primfit._check import Floats, Ints, as_rows, n_jobs_or_none
+from primfit._check import Floats, Ints, as_rows, check_finite, n_jobs_or_none
+from primfit._progress import Progress, reporting
 from primfit.worlds import World
 
 if TYPE_CHECKING:
     Mesh = tuple[ArrayLike, ArrayLike]
+
+
+_RAYS_AT_ONCE = 1 << 20
+"""Rays between two words on the progress."""
 
 
 class RayCaster:
@@ -68,7 +73,12 @@ class RayCaster:
         )
 
     def cast(
-        self, origins: ArrayLike, directions: ArrayLike, n_jobs: int | None = None
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        n_jobs: int | None = None,
+        *,
+        progress: Progress = False,
     ) -> tuple[Floats, Ints]:
         """The range of each ray and what it hits.
 
@@ -79,6 +89,8 @@ class RayCaster:
             Of any length but zero.
         n_jobs : int or None
             Threads; None for all. The result does not depend on it.
+        progress : bool or callable
+            True shows a bar; a callable gets the number of rays done and in all.
 
         Returns
         -------
@@ -100,7 +112,20 @@ class RayCaster:
                 f"directions must have as many rows as origins ({len(origins)}), "
                 f"not {len(directions)}"
             )
-        return self._core.cast(origins, directions, n_jobs_or_none(n_jobs))
+        n_jobs, n = n_jobs_or_none(n_jobs), len(origins)
+        if progress is False:
+            return self._core.cast(origins, directions, n_jobs)
+        # The core would count bad rows from the first of its share.
+        check_finite("origins", origins)
+        check_finite("directions", directions)
+        _largest_components("directions", directions)
+        ranges, ids = np.empty(n), np.empty(n, dtype=np.int64)
+        with reporting(progress, n, "ray") as tell:
+            for first in range(0, n, _RAYS_AT_ONCE):
+                some = slice(first, first + _RAYS_AT_ONCE)
+                ranges[some], ids[some] = self._core.cast(origins[some], directions[some], n_jobs)
+                tell(min(some.stop, n))
+        return ranges, ids
 
     def cast_beams(
         self, poses: ArrayLike, beams: ArrayLike, n_jobs: int | None = None
@@ -157,12 +182,17 @@ def unit_rows(name: str, values: ArrayLike) -> Floats:
     """``values`` as (n, 3) unit vectors; a zero vector is an error."""
     vectors = as_rows(name, values, 3)
     # Scaled first: squares of very long or short vectors leave the range of float64.
-    largest = np.abs(vectors).max(axis=1, initial=0.0, keepdims=True)
-    if (largest == 0.0).any():
-        raise ValueError(f"{name} must not be zero, but row {int(np.argmin(largest))} is")
-    vectors = vectors / largest
+    vectors = vectors / _largest_components(name, vectors)
     norms = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.ascontiguousarray(vectors / norms)
+
+
+def _largest_components(name: str, vectors: Floats) -> Floats:
+    """The largest component of each vector (n, 1), without its sign; 0 is an error."""
+    largest: Floats = np.abs(vectors).max(axis=1, initial=0.0, keepdims=True)
+    if (largest == 0.0).any():
+        raise ValueError(f"{name} must not be zero, but row {int(np.argmin(largest))} is")
+    return largest
 
 
 def _as_triangles(triangles: ArrayLike) -> Ints:

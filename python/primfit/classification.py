@@ -171,7 +171,7 @@ def vertex_covariance(cycle: Cycle) -> Floats:
         planes[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = model.covariance[horizontal] / scale**2
     for k, vertex in enumerate(cycle.vertices):
         lines = (k - 1) % n, k
-        inverse = np.linalg.inv(np.stack([cycle.walls[line].normal for line in lines]))
+        inverse = np.linalg.inv([cycle.walls[line].line[:2] for line in lines])
         for row, line in enumerate(lines):
             change = cycle.walls[line].side * np.outer(inverse[:, row], [*vertex, 1.0])
             jacobian[2 * k : 2 * k + 2, 3 * line : 3 * line + 3] -= change

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
+from primfit import _primfit
 from primfit._check import Floats
+from primfit.extents import extent
 from primfit.scans import Scan
 
 _NEIGHBOURS = (16, 32, 64, 128, 256, 512, 1024)
@@ -19,12 +21,11 @@ FLOOR = 1e-6
 """Least standard deviation as a fraction of the extent: exact ranges are stored rounded."""
 
 
-def spacing(points: Floats, tree: KDTree | None = None) -> float:
+def spacing(points: Floats, tree: _primfit.PointTree | None = None) -> float:
     """Distance to the 16th neighbour that 99 of 100 points do not exceed, metres."""
-    some = points[:: max(1, len(points) // 5000)]
-    k = min(17, len(points))
-    distances = (KDTree(points) if tree is None else tree).query(some, k=[k])[0]
-    return float(np.quantile(distances, 0.99))
+    some = np.ascontiguousarray(points[:: max(1, len(points) // 5000)])
+    tree = _primfit.PointTree(points) if tree is None else tree
+    return float(np.quantile(tree.neighbors(some, 17)[1][:, -1], 0.99))
 
 
 def estimate_sigma(points: Floats, directions: Floats | None, rng: np.random.Generator) -> float:
@@ -34,14 +35,14 @@ def estimate_sigma(points: Floats, directions: Floats | None, rng: np.random.Gen
     where their directions are known. A neighbourhood is flat when its second smallest eigenvalue
     is `_FLATNESS` times the smallest, and no line, which a single row of a scan is.
     """
-    tree = KDTree(points)
+    tree = _primfit.PointTree(points)
     at = rng.integers(len(points), size=_SAMPLES)
     sigma = np.full(_SAMPLES, np.nan)
     for k in _NEIGHBOURS:
         open_ = np.flatnonzero(np.isnan(sigma))
         if k >= len(points) or not len(open_):
             break
-        neighbours = points[tree.query(points[at[open_]], k=k)[1]]
+        neighbours = points[tree.neighbors(points[at[open_]], k)[0]]
         local = neighbours - neighbours.mean(axis=1, keepdims=True)
         values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", local, local) / (k - 3))
         values = np.maximum(values, 0.0)
@@ -54,7 +55,7 @@ def estimate_sigma(points: Floats, directions: Floats | None, rng: np.random.Gen
             across = across / np.maximum(approach, 0.3)
         sigma[open_[flat]] = across[flat]
     if np.isnan(sigma).all():
-        return float(np.ptp(points, axis=0).max()) * FLOOR
+        return extent(points) * FLOOR
     return float(np.nanmedian(sigma))
 
 

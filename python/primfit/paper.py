@@ -202,20 +202,20 @@ def detect_paper(
     floor = find_floor(cloud, rows, rng) if how.find_floor and wanted.is_upright else None
     if floor is not None:
         above = ~np.isin(rows, floor.inliers)
-        rows, cloud = rows[above], cloud.take(above)
+        rows, cloud = rows[above], cloud.take(np.flatnonzero(above))
 
     # Planes: RANSAC and DBSCAN, one after the other (Algorithm 3, lines 1 to 9, and 4).
     seen = scan if how.along_beams and scan.has_origins else None
     patches, eps = peel_with_progress(cloud, peeling, rng, seen, n_jobs_or_none(n_jobs), progress)
 
     # Corners and cycles (Algorithm 3, lines 10 to 22, and 5); kind, centre and angle.
-    limit = float(np.median(cloud.limit))
+    limit = cloud.typical_limit
     close = 2.0 * eps + limit if how.close is None else how.close
     base = None if floor is None else -float(floor.equation[3] / floor.equation[2])
     solids: list[FoundSolid] = []
     arena = None
     if wanted.is_upright:
-        walls = walls_of(patches, cloud, seen, float(np.median(cloud.sigma)))
+        walls = walls_of(patches, cloud, seen)
         find_solids = _solids_by_chains if how.chain else _solids_by_pairs
         solids, arena = find_solids(walls, patches, cloud, base, close, how, wanted)
 
@@ -261,7 +261,7 @@ def _solids_by_chains(
             continue
         if how.model_selection and how.refit:
             # Without beams a point near a corner may be of either wall.
-            slack = 0.1 * float(np.median(cloud.limit)) if cloud.directions is None else 0.0
+            slack = 0.1 * cloud.typical_limit if cloud.directions is None else 0.0
             outline = classify(cycle, slack)
         else:
             outline = classify_by_sides(cycle.vertices, how.side_tolerance)
@@ -303,8 +303,8 @@ def _solid(
     cleared = min((wall.cleared for wall in walls), default=np.inf)
     is_known = base is not None and np.isfinite(cleared)
     top = (highest + cleared) / 2 if is_known else highest
-    inside = shapely.contains_xy(shapely.Polygon(outline.footprint), cloud.points[:, :2])
-    sees_top = int((inside & (np.abs(z - top) <= cloud.limit)).sum()) >= 3
+    at_top = cloud.points[np.abs(z - top) <= cloud.limit, :2]
+    sees_top = int(shapely.contains_xy(shapely.Polygon(outline.footprint), at_top).sum()) >= 3
     return FoundSolid(
         kind=outline.kind,
         footprint=outline.footprint,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from primfit import _primfit
 from primfit._check import Floats
 from primfit.scans import Scan
 
@@ -36,15 +37,9 @@ def passages(scan: Scan, equation: Floats, axes: Floats, sigma: float) -> Floats
     places : (k, 2) float64, metres
         Along the axes.
     """
-    is_finite = np.isfinite(scan.ranges)
     farthest = scan.max_range
     if farthest is None:
-        farthest = float(scan.ranges[is_finite].max(initial=0.0))
-    reached = np.where(is_finite, scan.ranges, farthest)
-    approach = -(scan.directions @ equation[:3])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = (scan.origins @ equation[:3] + equation[3]) / approach
-        passed = (approach > 0.0) & (crossing > 0.0) & (reached > crossing + _CLEAR * sigma)
-    at = scan.origins[passed] + crossing[passed, None] * scan.directions[passed]
-    places: Floats = at @ axes.T
-    return places
+        farthest = float(scan.ranges[np.isfinite(scan.ranges)].max(initial=0.0))
+    return _primfit.passages(
+        scan.origins, scan.directions, scan.ranges, farthest, equation, axes, _CLEAR * sigma
+    )

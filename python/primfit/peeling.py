@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial import KDTree
 
+from primfit import _primfit
 from primfit._check import Bools, Floats, Ints
+from primfit.extents import bounds, extent
 from primfit.noise import spacing
 from primfit.passages import MOST_PASSING, passages
-from primfit.ransac import NoisyPoints, Orientation, PlaneModel, find_plane, fit
+from primfit.planes import axes_of
+from primfit.ransac import Nearby, NoisyPoints, Orientation, PlaneModel, find_plane, fit
 from primfit.scans import Scan
 
 _CLAIM = 1.5
@@ -56,13 +58,9 @@ class Patch:
     @classmethod
     def of(cls, cloud: NoisyPoints, model: PlaneModel, inliers: Ints) -> Patch:
         """The patch that some points of a cloud support."""
-        normal = model.equation[:3]
-        up = np.eye(3)[2 if abs(normal[2]) < 0.9 else 1]
-        along = np.cross(up, normal)
-        along /= np.linalg.norm(along)
-        axes = np.stack([along, np.cross(normal, along)])
+        axes = axes_of(model.equation[:3])
         at = cloud.take(inliers).feet(model.equation) @ axes.T
-        return cls(model, inliers, axes, np.nanmin(at, axis=0), np.nanmax(at, axis=0))
+        return cls(model, inliers, axes, *bounds(at))
 
     @property
     def corners(self) -> Floats:
@@ -134,12 +132,12 @@ def find_planes(
     """
     if not len(cloud):
         return [], 0.0 if how.eps is None else how.eps
-    tree = KDTree(cloud.points)
-    extent = float(np.ptp(cloud.points, axis=0).max())
-    limit = float(np.median(cloud.limit))
+    tree = _primfit.PointTree(cloud.points)
+    limit = cloud.typical_limit
     first_eps = eps = max(spacing(cloud.points, tree), limit) if how.eps is None else how.eps
     shortest = max(eps / 4, limit)
-    near = (tree, shortest, max(extent / 2, 2 * shortest)) if how.local else None
+    longest = max(extent(cloud.points) / 2, 2 * shortest)
+    near = Nearby(cloud.points, tree, shortest, longest) if how.local else None
     patches: list[Patch] = []
     rest, failures = np.arange(len(cloud)), 0
     while len(rest) >= how.min_points and failures < _FAILURES:
@@ -168,8 +166,8 @@ def find_planes(
         taken = np.zeros(len(rest), dtype=bool)
         taken[inliers] = True
         if how.compete:
-            close = np.abs(pool.residuals(model.equation)) <= _CLAIM * pool.limit
-            taken |= close & patch.covers(pool, eps)
+            close = np.flatnonzero(np.abs(pool.residuals(model.equation)) <= _CLAIM * pool.limit)
+            taken[close[patch.covers(pool.take(close), eps)]] = True
         rest = rest[~taken]
         if on_plane is not None:
             on_plane(len(cloud) - len(rest), len(cloud))
@@ -193,7 +191,7 @@ def _split(
     pieces = []
     for patch in patches:
         at = cloud.take(patch.inliers).feet(patch.model.equation) @ patch.axes.T
-        passed = passages(scan, patch.model.equation, patch.axes, float(np.median(cloud.sigma)))
+        passed = passages(scan, patch.model.equation, patch.axes, cloud.typical_sigma)
         level = (passed[:, 1] >= patch.low[1]) & (passed[:, 1] <= patch.high[1])
         n_bins = max(1, int((patch.high[0] - patch.low[0]) / eps))
         bins = np.linspace(patch.low[0], patch.high[0], n_bins + 1)
@@ -245,7 +243,7 @@ def _union(
     if (gap > np.maximum(a.high - a.low, b.high - b.low).max()).any():
         return None
     between = abs(a.model.equation[:3] @ b.center + a.model.equation[3])
-    if between > 2.0 * float(np.median(cloud.limit)) + _APART * np.linalg.norm(b.high - b.low):
+    if between > 2.0 * cloud.typical_limit + _APART * np.linalg.norm(b.high - b.low):
         return None
     rows = np.union1d(a.inliers, b.inliers)
     model = fit(cloud.take(rows), a.model.equation, how.orientation)
@@ -267,7 +265,7 @@ def _union(
             np.where(gap > 0.0, gap_low + eps / 4, gap_high),
             np.where(gap > 0.0, gap_high - eps / 4, gap_low),
         )
-        at = passages(scan, a.model.equation, a.axes, float(np.median(cloud.sigma)))
+        at = passages(scan, a.model.equation, a.axes, cloud.typical_sigma)
         if ((at >= low) & (at <= high)).all(axis=1).sum() > MOST_PASSING:
             return None
     return Patch.of(cloud, model, rows)
@@ -279,40 +277,47 @@ def _compete(cloud: NoisyPoints, patches: list[Patch], how: Peeling, eps: float)
     A plane is needless when the points that it explains better than the others do not pay for
     its parameters and for saying which points are its own (Bayesian information criterion).
     """
-    cap = _CLAIM
-    distance = np.full((len(patches), len(cloud)), cap)
-    for row, patch in zip(distance, patches, strict=True):
+    numbers, points, ratios = [], [], []
+    for number, patch in enumerate(patches):
         ratio = np.abs(cloud.residuals(patch.model.equation)) / cloud.limit
-        near = np.flatnonzero(ratio < cap)
+        near = np.flatnonzero(ratio < _CLAIM)
         near = near[patch.covers(cloud.take(near), eps)]
-        row[near] = ratio[near]
-    kept = list(range(len(patches)))
+        numbers.append(np.full(len(near), number))
+        points.append(near)
+        ratios.append(ratio[near])
+    if not patches:
+        return []
+    # All pairs of a plane and a point near it: point by point, the nearest plane first.
+    plane, point, ratio = (np.concatenate(parts) for parts in (numbers, points, ratios))
+    order = np.lexsort((ratio, point))
+    plane, point, ratio = plane[order], point[order], ratio[order]
+    n_parameters = len(how.orientation.normal_space)
     in_sigmas = float(np.median(cloud.limit / cloud.sigma)) ** 2
-    while kept:
-        some = distance[kept]
-        labels = some.argmin(axis=0)
-        best = some.min(axis=0)
-        labels[best >= cap] = -1
-        owned = labels >= 0
-        second = np.partition(some, 1, axis=0)[1] if len(kept) > 1 else np.full(len(cloud), cap)
-        loss = in_sigmas * (second**2 - best**2)[owned]
-        rise = np.bincount(labels[owned], loss, len(kept))
-        n_own = np.bincount(labels[owned], minlength=len(kept))
-        n_near = ((some <= 1.0) & owned).sum(axis=1)
+    is_kept = np.ones(len(patches), dtype=bool)
+    while True:
+        is_first = np.diff(point, prepend=-1) != 0
+        first = np.flatnonzero(is_first)
+        owner, best = plane[first], ratio[first]
+        second = np.append(np.where(is_first, _CLAIM, ratio), _CLAIM)[first + 1]
+        rise = np.bincount(owner, in_sigmas * (second**2 - best**2), len(patches))
+        n_own = np.bincount(owner, minlength=len(patches))
+        n_near = np.bincount(plane[ratio <= 1.0], minlength=len(patches))
         share = np.clip(n_own / np.maximum(n_near, 1), 1e-12, 1.0 - 1e-12)
         n_other = np.maximum(n_near - n_own, 0)
         names = -2.0 * (n_own * np.log(share) + n_other * np.log1p(-share))
-        n_parameters = len(how.orientation.normal_space)
         gain = rise - names - 2.0 * n_parameters * np.log(len(cloud))
         gain[n_own < how.min_points] = -np.inf
+        gain[~is_kept] = np.inf
         worst = int(np.argmin(gain))
         if gain[worst] >= 0.0:
             break
-        del kept[worst]
+        is_kept[worst] = False
+        others = plane != worst
+        plane, point, ratio = plane[others], point[others], ratio[others]
     winners = []
-    for place, k in enumerate(kept):
-        inliers = np.flatnonzero((labels == place) & (best <= 1.0))
-        model = fit(cloud.take(inliers), patches[k].model.equation, how.orientation)
+    for winner in np.flatnonzero(is_kept):
+        inliers = point[first[(owner == winner) & (best <= 1.0)]]
+        model = fit(cloud.take(inliers), patches[winner].model.equation, how.orientation)
         if model is not None and len(inliers) >= how.min_points:
             winners.append(Patch.of(cloud, model, inliers))
     return winners

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -132,10 +133,12 @@ class Planes:
 
 def axes_of(normal: Floats) -> Floats:
     """Directions (2, 3) within a plane, right-handed with its normal."""
-    up = np.eye(3)[2 if abs(normal[2]) < 0.9 else 1]
-    along = np.cross(up, normal)
-    along /= np.linalg.norm(along)
-    return np.stack([along, np.cross(normal, along)])
+    a, b, c = normal.tolist()
+    # Across the normal and the z axis, or the y axis.
+    x, y, z = (-b, a, 0.0) if abs(c) < 0.9 else (c, 0.0, -a)
+    length = math.sqrt(x * x + y * y + z * z)
+    x, y, z = x / length, y / length, z / length
+    return np.array([[x, y, z], [b * z - c * y, c * x - a * z, a * y - b * x]])
 
 
 def hull(at: Floats) -> tuple[Ints, float]:

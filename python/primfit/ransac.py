@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import KDTree
 
 from primfit import _primfit
 from primfit._check import Bools, Floats, Ints, as_vector, number
@@ -81,7 +81,7 @@ class Orientation:
         """Whether only planes that contain the axis, or nearly so, are wanted."""
         return self.low > 0.0
 
-    @property
+    @cached_property
     def normal_space(self) -> Floats:
         """Orthonormal rows that span the normals: 1 for a given one, 2 for planes along an axis."""
         if self.high == 0.0:
@@ -119,22 +119,34 @@ class NoisyPoints:
     def __len__(self) -> int:
         return len(self.points)
 
-    def take(self, rows: Ints | Bools) -> NoisyPoints:
+    def take(self, rows: Ints) -> NoisyPoints:
         """Some of the points."""
-        directions = None if self.directions is None else self.directions[rows]
-        return NoisyPoints(self.points[rows], directions, self.sigma[rows], self.limit[rows])
+        directions = None if self.directions is None else self.directions.take(rows, axis=0)
+        return NoisyPoints(
+            self.points.take(rows, axis=0), directions, self.sigma.take(rows), self.limit.take(rows)
+        )
+
+    @cached_property
+    def typical_sigma(self) -> float:
+        """Median of `sigma`, metres."""
+        return float(np.median(self.sigma))
+
+    @cached_property
+    def typical_limit(self) -> float:
+        """Median of `limit`, metres."""
+        return float(np.median(self.limit))
+
+    @cached_property
+    def stretched_beams(self) -> Floats | None:
+        """Directions in lengths of `limit` (n, 3): so a limit for each point is one for all."""
+        return None if self.directions is None else self.directions * self.limit[:, None]
 
     def residuals(self, equation: Floats) -> Floats:
         """Distance of each point to a plane (n,): along its beam, or perpendicular without beams.
 
         A plane that the beam meets from behind, or never, is infinitely far.
         """
-        distance = self.points @ equation[:3] + equation[3]
-        if self.directions is None:
-            return distance
-        approach = -(self.directions @ equation[:3])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(approach > 0.0, distance / approach, np.inf)
+        return _primfit.residuals(self.points, self.directions, equation)
 
     def feet(self, equation: Floats) -> Floats:
         """Where each beam meets a plane, or the foot of the perpendicular without beams (n, 3).
@@ -166,19 +178,37 @@ class PlaneModel:
     rms: float
 
 
+@dataclass(frozen=True, eq=False)
+class Nearby:
+    """Where the further points of a local sample come from.
+
+    Attributes
+    ----------
+    points : (n, 3) float64, metres
+    tree : PointTree
+        Of these points.
+    low, high : float, metres
+        Least and greatest distance from the first point at which one is looked for.
+    """
+
+    points: Floats
+    tree: _primfit.PointTree
+    low: float
+    high: float
+
+
 def draw_hypotheses(
     cloud: NoisyPoints,
     n: int,
     orientation: Orientation,
     rng: np.random.Generator,
-    near: tuple[KDTree, float, float] | None = None,
+    near: Nearby | None = None,
 ) -> Floats:
     """Plane equations (<= n, 4) through random points; degenerate samples are skipped.
 
-    A sample is three points, two for planes along an axis and one for a given normal. With `near`,
-    a tree of points and two lengths, it is local: each further point is the nearest to a random
-    place around the first, at a distance drawn log-uniformly between the lengths. Without, all
-    are drawn from the whole cloud.
+    A sample is three points, two for planes along an axis and one for a given normal. With `near`
+    it is local: each further point is the nearest to a random place around the first, at a
+    distance drawn log-uniformly. Without, all are drawn from the whole cloud.
     """
     first = cloud.points[rng.integers(len(cloud), size=n)]
     others = []
@@ -186,12 +216,11 @@ def draw_hypotheses(
         if near is None:
             others.append(cloud.points[rng.integers(len(cloud), size=n)])
             continue
-        tree, low, high = near
         way = rng.normal(size=(n, 3))
-        way *= np.exp(rng.uniform(np.log(low), np.log(high), (n, 1))) / np.linalg.norm(
+        way *= np.exp(rng.uniform(np.log(near.low), np.log(near.high), (n, 1))) / np.linalg.norm(
             way, axis=1, keepdims=True
         )
-        others.append(tree.data[tree.query(first + way)[1]])
+        others.append(near.points[near.tree.neighbors(first + way, 1)[0][:, 0]])
     if not others:
         normals = np.broadcast_to(orientation.axis, (n, 3))
     else:
@@ -212,15 +241,12 @@ def best_hypothesis(
 
     With beams, both sides of each plane are tried.
     """
-    if cloud.directions is None:
-        limit, directions = float(np.median(cloud.limit)), None
-    else:
-        equations = np.concatenate([equations, -equations])
-        # Stretched beams turn a limit for each point into one limit for all.
-        limit, directions = 1.0, np.ascontiguousarray(cloud.directions * cloud.limit[:, None])
-    scores = _primfit.score_planes(cloud.points, equations, limit, directions, msac, n_jobs)
+    beams = cloud.stretched_beams
+    limit = cloud.typical_limit if beams is None else 1.0
+    scores = _primfit.score_planes(cloud.points, equations, limit, beams, msac, n_jobs)
     best = int(np.argmax(scores))
-    return equations[best], float(scores[best])
+    side = 1.0 if best < len(equations) else -1.0
+    return side * equations[best % len(equations)], float(scores[best])
 
 
 def fit(cloud: NoisyPoints, equation: Floats, orientation: Orientation) -> PlaneModel | None:
@@ -235,7 +261,7 @@ def fit(cloud: NoisyPoints, equation: Floats, orientation: Orientation) -> Plane
     if cloud.directions is not None:
         steep = np.abs(cloud.directions @ equation[:3]) > _GRAZING
         if 2 * steep.sum() > len(cloud):
-            cloud = cloud.take(steep)
+            cloud = cloud.take(np.flatnonzero(steep))
     if cloud.directions is None:
         fitted = _primfit.fit_plane(cloud.points, 1.0 / cloud.sigma**2, space)
     else:
@@ -256,7 +282,7 @@ def find_plane(
     orientation: Orientation,
     rng: np.random.Generator,
     *,
-    near: tuple[KDTree, float, float] | None,
+    near: Nearby | None,
     eps: float,
     min_points: int,
     max_trials: int,

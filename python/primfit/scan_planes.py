@@ -9,6 +9,7 @@ import numpy as np
 from tqdm import tqdm
 
 from primfit._check import Ints, frozen, number
+from primfit.extents import extent
 from primfit.noise import FLOOR, estimate_sigma
 from primfit.peeling import Patch, Peeling, find_planes
 from primfit.planes import Plane, hull
@@ -46,8 +47,8 @@ def noisy_points(
     if sigma is None:
         sigma = estimate_sigma(points, directions, rng)
     spread = np.broadcast_to(np.asarray(sigma, dtype=float), len(scan))[rows]
-    extent, farthest = float(np.ptp(points, axis=0).max()), float(np.abs(points).max())
-    least = max(FLOOR * extent, 4.0 * np.finfo(float).eps * farthest, 1e-100)
+    farthest = float(np.abs(points).max())
+    least = max(FLOOR * extent(points), 4.0 * np.finfo(float).eps * farthest, 1e-100)
     each = np.maximum(spread, least)
     limit = SIGMAS * each
     if threshold is not None:
@@ -113,16 +114,16 @@ def bounded(
 
 def find_floor(cloud: NoisyPoints, rows: Ints, rng: np.random.Generator) -> Plane | None:
     """The horizontal plane that is seen from above and has next to nothing below it."""
-    extent = max(float(np.ptp(cloud.points, axis=0).max()), np.finfo(float).tiny)
+    reach = max(extent(cloud.points), np.finfo(float).tiny)
     level = Orientation.of("horizontal")
     z = cloud.points[:, 2]
     pool = np.arange(len(cloud))
     if cloud.directions is None:
         # Without beams nothing tells the floor from a layer of the scan but that it is lowest.
-        lowest = np.quantile(z, 0.01) + 3.0 * float(np.median(cloud.limit))
+        lowest = np.quantile(z, 0.01) + 3.0 * cloud.typical_limit
         pool = np.flatnonzero(z <= lowest)
     found = find_plane(
-        cloud.take(pool), level, rng, near=None, eps=extent, min_points=10, max_trials=512
+        cloud.take(pool), level, rng, near=None, eps=reach, min_points=10, max_trials=512
     )
     if found is None:
         return None

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from tqdm import tqdm
 
 from primfit import _primfit
 from primfit._check import Bools, Floats, check_finite, frozen, instance, n_jobs_or_none
+from primfit._progress import Progress, reporting
 from primfit.casting import RayCaster
 from primfit.scans import Scan
 from primfit.sensors import Lidar, check_transforms
@@ -27,7 +26,7 @@ def scan(
     *,
     rng: Any = None,
     n_jobs: int | None = None,
-    progress: bool | Callable[[int, int], None] = False,
+    progress: Progress = False,
 ) -> Scan:
     """All returns of a LiDAR along a path.
 
@@ -91,15 +90,13 @@ def scan(
     n = n_poses * n_beams
     points, ranges, ids = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
     at_once = max(1, _BEAMS_AT_ONCE // n_beams)
-    with tqdm(total=n_poses, unit="pose", disable=progress is not True) as bar:
+    with reporting(progress, n_poses, "pose") as tell:
         for first in range(0, n_poses, at_once):
             some = transforms[first : first + at_once]
             rows = slice(first * n_beams, (first + len(some)) * n_beams)
             noise = rng.normal(size=len(some) * n_beams if lidar.noise else 0)
             caster.scan(some, beams, gate, noise, points[rows], ranges[rows], ids[rows], n_jobs)
-            bar.update(len(some))
-            if callable(progress):
-                progress(first + len(some), n_poses)
+            tell(first + len(some))
     return Scan(
         points=frozen(points),
         origins=partial(np.repeat, transforms[:, [3, 7, 11]], n_beams, axis=0),

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from primfit._check import Bools, Floats, Ints, as_column, as_rows, check_finite, frozen, number
 from primfit._later import Later
 from primfit.casting import unit_rows
+from primfit.extents import extent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -224,7 +225,7 @@ class Scan:
         Moved there, squares of coordinates keep their digits.
         """
         points = self.points[self.is_return]
-        if not len(points) or np.abs(points).max() <= 100.0 * np.ptp(points, axis=0).max():
+        if not len(points) or np.abs(points).max() <= 100.0 * extent(points):
             return np.zeros(3)
         return np.round(np.median(points, axis=0))
 

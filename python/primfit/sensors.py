@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -141,7 +142,7 @@ class Lidar:
         }
         return cls(**(sheet | changes))
 
-    @property
+    @cached_property
     def directions(self) -> Floats:
         """Unit directions (layers, columns, 3) in the sensor's frame: x forward, y left, z up."""
         n = self.horizontal_resolution
@@ -149,13 +150,15 @@ class Lidar:
         half = self.vertical_field_of_view / 2
         layers = self.number_of_layers
         elevation = np.linspace(half, -half, layers)[:, None] if layers > 1 else np.zeros((1, 1))
-        return np.stack(
-            [
-                np.cos(elevation) * np.cos(azimuth),
-                np.cos(elevation) * np.sin(azimuth),
-                np.broadcast_to(np.sin(elevation), (layers, n)),
-            ],
-            axis=-1,
+        return frozen(
+            np.stack(
+                [
+                    np.cos(elevation) * np.cos(azimuth),
+                    np.cos(elevation) * np.sin(azimuth),
+                    np.broadcast_to(np.sin(elevation), (layers, n)),
+                ],
+                axis=-1,
+            )
         )
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -134,7 +135,7 @@ class Prism:
         """Rows of `vertices` around each face, seen from outside: m walls, bottom, top."""
         return prism_faces(len(self.footprint))
 
-    @property
+    @cached_property
     def shadow(self) -> shapely.Polygon:
         """What it covers as seen from above."""
         return shapely.Polygon(self.footprint)

@@ -7,8 +7,10 @@ beams that pass between them tell. `intersect_pairs` and `simple_cycles` are the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations, islice
 
 import networkx as nx
@@ -68,33 +70,26 @@ class Wall:
     side: float = 1.0
 
     @classmethod
-    def of(
-        cls, number: int, patch: Patch, cloud: NoisyPoints, scan: Scan | None, sigma: float
-    ) -> Wall:
+    def of(cls, number: int, patch: Patch, cloud: NoisyPoints, scan: Scan | None) -> Wall:
         """The wall of an upright patch.
 
         With a scan it ends where beams that pass begin to outnumber those that end on it.
         """
         if scan is None:
             return cls(number, patch, float(patch.low[0]), float(patch.high[0]), None)
-        at = passages(scan, patch.model.equation, patch.axes, sigma)
+        at = passages(scan, patch.model.equation, patch.axes, cloud.typical_sigma)
         passed = np.sort(at[at[:, 1] <= patch.high[1], 0])
         hits = cloud.take(patch.inliers).feet(patch.model.equation) @ patch.axes[0]
         low, high = _dense_run(hits, passed)
         over = at[(at[:, 0] >= low) & (at[:, 0] <= high) & (at[:, 1] > patch.high[1]), 1]
         return cls(number, patch, low, high, passed, float(over.min(initial=np.inf)))
 
-    @property
-    def normal(self) -> Floats:
-        """Unit normal (2,) of the line, towards the free side."""
-        a, b = self.patch.model.equation[:2]
-        return self.side * np.array([a, b]) / np.hypot(a, b)
-
-    @property
-    def offset(self) -> float:
-        """``normal @ xy + offset == 0`` on the line, metres."""
-        a, b, _, d = self.patch.model.equation
-        return float(self.side * d / np.hypot(a, b))
+    @cached_property
+    def line(self) -> tuple[float, float, float]:
+        """``a x + b y + c == 0`` on the line, with (a, b) a unit normal towards the free side."""
+        a, b, _, d = (self.side * self.patch.model.equation).tolist()
+        length = math.hypot(a, b)
+        return a / length, b / length, d / length
 
     @property
     def along(self) -> Floats:
@@ -163,12 +158,10 @@ def _dense_run(hits: Floats, passed: Floats) -> tuple[float, float]:
     return float(places[order[first]]), float(places[order[last]])
 
 
-def walls_of(
-    patches: Iterable[Patch], cloud: NoisyPoints, scan: Scan | None, sigma: float
-) -> list[Wall]:
+def walls_of(patches: Iterable[Patch], cloud: NoisyPoints, scan: Scan | None) -> list[Wall]:
     """The upright ones of some patches, as walls."""
     return [
-        Wall.of(number, patch, cloud, scan, sigma)
+        Wall.of(number, patch, cloud, scan)
         for number, patch in enumerate(patches)
         if abs(patch.model.equation[2]) < 0.5
     ]
@@ -242,6 +235,7 @@ def refine(cycle: Cycle, cloud: NoisyPoints, orientation: Orientation) -> Cycle:
     """
     for _ in range(_REFINEMENTS):
         walls = []
+        has_settled = True
         for k, wall in enumerate(cycle.walls):
             following = cycle.vertices[(k + 1) % len(cycle.vertices)]
             ends = sorted((cycle.vertices[k] @ wall.along, following @ wall.along))
@@ -249,6 +243,7 @@ def refine(cycle: Cycle, cloud: NoisyPoints, orientation: Orientation) -> Cycle:
             near = np.flatnonzero(np.abs(cloud.residuals(equation)) <= _WIDE * cloud.limit)
             at = cloud.take(near).feet(equation)[:, :2] @ wall.along
             rows = near[(at >= ends[0]) & (at <= ends[1])]
+            has_settled &= np.array_equal(rows, wall.patch.inliers)
             model = fit(cloud.take(rows), equation, orientation)
             if model is None:
                 return cycle
@@ -260,14 +255,17 @@ def refine(cycle: Cycle, cloud: NoisyPoints, orientation: Orientation) -> Cycle:
         if not moved.is_simple or moved.is_solid != cycle.is_solid:
             return cycle
         cycle = moved
+        if has_settled:
+            break
     return cycle
 
 
 def _corner(wall: Wall, other: Wall) -> Floats | None:
-    lines = np.stack([wall.normal, other.normal])
-    if abs(np.linalg.det(lines)) < _LEAST_SINE:
+    (a, b, c), (p, q, r) = wall.line, other.line
+    sine = a * q - b * p
+    if abs(sine) < _LEAST_SINE:
         return None
-    return np.linalg.solve(lines, np.array([-wall.offset, -other.offset]))
+    return np.array([b * r - c * q, c * p - a * r]) / sine
 
 
 def intersect_pairs(

@@ -19,7 +19,7 @@ use crate::workers::Stop;
 use crate::{Error, Vector, Workers};
 use components::Components;
 use dense::Dense;
-use grid::{Grid, Key, Lattice, Order};
+use grid::{Column, Grid, Key, Lattice, Order};
 use rayon::prelude::*;
 use sparse::Sparse;
 use std::ops::Range;
@@ -106,13 +106,16 @@ trait Search<K>: Sync {
     /// Joins the components of some points and of those within reach that come before.
     fn join(&self, points: Range<usize>, components: &Components) -> Result<(), Error>;
 
-    /// Lowers the label of some points of another grid to the lowest within reach.
+    /// Columns of the cells that may have points within reach of a point of a cell.
+    fn columns(&self) -> &[Column<K>];
+
+    /// Lowers a label to the lowest of those in some runs of cells that are within reach.
     fn lower(
         &self,
-        others: &Grid<K>,
-        points: Range<usize>,
+        label: &mut i64,
+        place: Vector,
+        runs: &[Range<usize>],
         labels_here: &[i64],
-        labels: &mut [i64],
     ) -> Result<(), Error>;
 }
 
@@ -141,7 +144,12 @@ fn cluster<K: Key, S: Search<K>>(
     let core_labels = components.numbered_by(&core.grid().rows, n_points);
     let mut rest_labels = vec![i64::MAX; rest.points.len()];
     in_chunks(&mut rest_labels, stop, |points, labels| {
-        core.lower(&rest, points, &core_labels, labels)
+        let first = points.start;
+        rest.cells.visit_around(points, &core.grid().cells, core.columns(), |_, own, runs| {
+            own.into_iter().try_for_each(|i| {
+                core.lower(&mut labels[i - first], rest.points[i], runs, &core_labels)
+            })
+        })
     })?;
 
     let mut labels = vec![-1; n_points];

@@ -7,6 +7,7 @@ mod acceptance;
 mod beams;
 mod bounds;
 mod carving;
+mod crossings;
 mod curvature;
 mod dbscan;
 mod error;
@@ -31,6 +32,7 @@ mod workers;
 
 pub use beams::{BeamBlocks, Beams, Prices};
 pub use carving::{Grid, carve};
+pub use crossings::{passages, residuals};
 pub use dbscan::dbscan;
 pub use error::Error;
 pub use expansion::{Expansion, expand};

@@ -9,6 +9,7 @@
 mod arrays;
 mod caster;
 mod clustering;
+mod crossings;
 mod door;
 mod likelihood;
 mod neighbors;
@@ -22,6 +23,8 @@ mod _primfit {
     use crate::caster::{RayCaster, turned};
     #[pymodule_export]
     use crate::clustering::dbscan;
+    #[pymodule_export]
+    use crate::crossings::{passages, residuals};
     #[pymodule_export]
     use crate::likelihood::{BeamBlocks, carve};
     #[pymodule_export]

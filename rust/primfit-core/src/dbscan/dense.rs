@@ -178,25 +178,23 @@ impl<K: Key> Search<K> for Dense<'_, K> {
         Ok(())
     }
 
+    fn columns(&self) -> &[Column<K>] {
+        &self.columns
+    }
+
     fn lower(
         &self,
-        others: &Grid<K>,
-        points: Range<usize>,
+        label: &mut i64,
+        place: Vector,
+        runs: &[Range<usize>],
         labels_here: &[i64],
-        labels: &mut [i64],
     ) -> Result<(), Error> {
-        let (cells, first) = (&self.grid.cells, points.start);
-        others.cells.visit_around(points, cells, &self.columns, |_, own, runs| {
-            for i in own {
-                let label = &mut labels[i - first];
-                for cell in runs.iter().cloned().flatten() {
-                    let here = labels_here[cells.points(cell).start];
-                    if here < *label && self.has_near(cell, others.points[i])? {
-                        *label = here;
-                    }
-                }
+        for cell in runs.iter().cloned().flatten() {
+            let here = labels_here[self.grid.cells.points(cell).start];
+            if here < *label && self.has_near(cell, place)? {
+                *label = here;
             }
-            self.stop.check()
-        })
+        }
+        self.stop.check()
     }
 }

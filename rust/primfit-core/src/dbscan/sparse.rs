@@ -3,7 +3,7 @@
 use super::components::Components;
 use super::grid::{Column, Grid, Key, Lattice};
 use super::{Search, near};
-use crate::Error;
+use crate::{Error, Vector};
 use std::ops::Range;
 
 pub struct Sparse<K> {
@@ -66,26 +66,23 @@ impl<K: Key> Search<K> for Sparse<K> {
         })
     }
 
+    fn columns(&self) -> &[Column<K>] {
+        &self.columns
+    }
+
     fn lower(
         &self,
-        others: &Grid<K>,
-        points: Range<usize>,
+        label: &mut i64,
+        place: Vector,
+        runs: &[Range<usize>],
         labels_here: &[i64],
-        labels: &mut [i64],
     ) -> Result<(), Error> {
-        let (grid, first) = (&self.grid, points.start);
-        others.cells.visit_around(points, &grid.cells, &self.columns, |_, own, runs| {
-            for i in own {
-                let label = &mut labels[i - first];
-                for j in runs.iter().flat_map(|run| grid.cells.span(run)) {
-                    if labels_here[j] < *label
-                        && near(others.points[i], grid.points[j], self.eps_squared)
-                    {
-                        *label = labels_here[j];
-                    }
-                }
+        let Grid { points, cells, .. } = &self.grid;
+        for j in runs.iter().flat_map(|run| cells.span(run)) {
+            if labels_here[j] < *label && near(place, points[j], self.eps_squared) {
+                *label = labels_here[j];
             }
-            Ok(())
-        })
+        }
+        Ok(())
     }
 }

@@ -7,6 +7,7 @@ use super::query::{Query, by_axis, unit};
 use super::tiles::Tiles;
 use crate::{Error, Vector, Workers};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Rays between two questions to the caller, about.
 const CHUNK: usize = 1 << 16;
@@ -128,7 +129,11 @@ pub fn turned(poses: &[Transform], beams: &[Vector]) -> Result<Vec<Vector>, Erro
         .collect())
 }
 
-fn units(beams: &[Vector]) -> Result<Vec<Vector>, Error> {
+/// The beams at unit length, copied only where that is needed.
+fn units(beams: &[Vector]) -> Result<Cow<'_, [Vector]>, Error> {
+    if beams.iter().all(|&beam| unit(beam) == Some(beam)) {
+        return Ok(Cow::Borrowed(beams));
+    }
     beams
         .iter()
         .enumerate()

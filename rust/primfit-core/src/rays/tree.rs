@@ -19,8 +19,11 @@ pub const WIDTH: usize = 8;
 pub const LEAF: u32 = 1 << 31;
 /// Nodes from which a tree does not stay in the cache.
 const CACHED: usize = 4000;
-/// Parts that are worth another thread.
+/// Parts that are worth another thread, and fewest items that one fills in.
 const PARALLEL: usize = 1 << 14;
+const AT_ONCE: usize = 1 << 11;
+/// Items between two looks at whether to stop.
+const STEP: usize = 1 << 18;
 
 /// The boxes of eight children and where they are.
 #[derive(Clone)]
@@ -80,14 +83,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    fn around(vertices: impl Iterator<Item = Vector>) -> Self {
-        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for vertex in vertices {
-            for k in 0..3 {
-                low[k] = low[k].min(vertex[k]);
-                high[k] = high[k].max(vertex[k]);
-            }
-        }
+    fn around([low, high]: [Vector; 2]) -> Self {
         let half = (0..3).map(|k| high[k] / 2.0 - low[k] / 2.0).fold(0.0, f64::max);
         if half == 0.0 || !half.is_finite() {
             return Self { center: low.map(|x| if x.is_finite() { x } else { 0.0 }), scale: 1.0 };
@@ -120,37 +116,50 @@ impl Tree {
     /// [`Error::Stopped`] when the caller does not want to go on.
     pub fn new(vertices: &[Vector], triangles: &[[i64; 3]], stop: &Stop) -> Result<Self, Error> {
         let corners = |id: u32| triangles[id as usize].map(|vertex| vertices[vertex as usize]);
-        let ids = 0..triangles.len() as u32;
-        let frame = Frame::around(ids.clone().flat_map(corners));
-        let mut parts: Vec<Part> = ids
-            .into_par_iter()
-            .with_min_len(PARALLEL)
-            .map(|id| Part::new(id, corners(id).map(|v| frame.place(v))))
-            .collect();
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for (id, triangle) in triangles.iter().enumerate() {
+            if id % STEP == 0 {
+                stop.check()?;
+            }
+            for vertex in triangle.map(|vertex| vertices[vertex as usize]) {
+                for k in 0..3 {
+                    low[k] = low[k].min(vertex[k]);
+                    high[k] = high[k].max(vertex[k]);
+                }
+            }
+        }
+        let frame = Frame::around([low, high]);
+        let mut parts = filled(triangles.len(), stop, |id| {
+            Part::new(id as u32, corners(id as u32).map(|v| frame.place(v)))
+        })?;
         let mut branch = Branch::default();
         if !parts.is_empty() {
-            stop.check()?;
             branch.grow(Range::all(&parts), &mut parts, 0, stop)?;
         }
-        let mut exact = with_room(parts.len());
-        parts
-            .par_iter()
-            .with_min_len(PARALLEL)
-            .map(|part| Exact::new(corners(part.id), part.id))
-            .collect_into_vec(&mut exact);
-        stop.check()?;
-        let mut blocks = with_room(branch.leaves.len());
-        branch
-            .leaves
-            .par_iter()
-            .with_min_len(PARALLEL / WIDTH)
-            .map(|&(first, count)| Block::new(frame, &exact, first, count))
-            .collect_into_vec(&mut blocks);
-        stop.check()?;
+        let exact = filled(parts.len(), stop, |i| Exact::new(corners(parts[i].id), parts[i].id))?;
+        let blocks = filled(branch.leaves.len(), stop, |i| {
+            let (first, count) = branch.leaves[i];
+            Block::new(frame, &exact, first, count)
+        })?;
         let mut nodes = with_room(branch.nodes.len());
         nodes.append(&mut branch.nodes);
         Ok(Self { frame, nodes, blocks, exact })
     }
+}
+
+/// Items by number, with a look at `stop` now and then.
+fn filled<T: Send>(
+    n: usize,
+    stop: &Stop,
+    item: impl Fn(usize) -> T + Sync + Send,
+) -> Result<Vec<T>, Error> {
+    let mut items = with_room(n);
+    for first in (0..n).step_by(STEP) {
+        stop.check()?;
+        let some = (first..n.min(first + STEP)).into_par_iter().with_min_len(AT_ONCE);
+        items.par_extend(some.map(&item));
+    }
+    Ok(items)
 }
 
 impl Tree {

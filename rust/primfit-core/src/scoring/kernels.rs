@@ -70,53 +70,64 @@ macro_rules! scorer {
                         }
                     })
                     .collect();
-                let sums = match (job.directions, score) {
+                let unit = if score == Score::Msac { whole } else { 1.0 };
+                match (job.directions, score) {
                     (None, Score::Count) => {
-                        over(job, center, &planes, instructions, near_count, stop)
+                        over(job, center, &planes, unit, instructions, near_count, stop)
                     }
                     (None, Score::Msac) => {
-                        over(job, center, &planes, instructions, near_msac, stop)
+                        over(job, center, &planes, unit, instructions, near_msac, stop)
                     }
                     (Some(_), Score::Count) => {
-                        over(job, center, &planes, instructions, front_count, stop)
+                        over(job, center, &planes, unit, instructions, sides_count, stop)
                     }
                     (Some(_), Score::Msac) => {
-                        over(job, center, &planes, instructions, front_msac, stop)
+                        over(job, center, &planes, unit, instructions, sides_msac, stop)
                     }
-                }?;
-                let unit = if score == Score::Msac { whole } else { 1.0 };
-                Ok(sums.into_iter().map(|sum| sum.into_inner() as f64 / unit).collect())
+                }
             }
 
-            fn over<const ROWS: usize>(
+            /// The sums of a kernel in units, side by side.
+            fn over<const ROWS: usize, const SIDES: usize>(
                 job: &Job,
                 center: Vector,
                 planes: &[Plane],
+                unit: f64,
                 instructions: Instructions,
-                kernel: impl Fn(Instructions, &Block<ROWS>, &Plane) -> $bits + Sync,
+                kernel: impl Fn(Instructions, &Block<ROWS>, &Plane) -> [$bits; SIDES] + Sync,
                 stop: &Stop,
-            ) -> Result<Vec<AtomicU64>, Error> {
-                let sums: Vec<AtomicU64> = planes.iter().map(|_| AtomicU64::new(0)).collect();
+            ) -> Result<Vec<f64>, Error> {
+                let sums: Vec<[AtomicU64; SIDES]> =
+                    planes.iter().map(|_| [const { AtomicU64::new(0) }; SIDES]).collect();
                 let n_tasks = job.points.len().div_ceil(BLOCK * BLOCKS);
                 (0..n_tasks).into_par_iter().try_for_each_init(Vec::new, |blocks, task| {
                     fill(blocks, job, task * BLOCK * BLOCKS, center);
                     sums.par_chunks(PLANES).zip(planes.par_chunks(PLANES)).try_for_each(
                         |(sums, planes)| {
                             stop.check()?;
-                            let mut scores = [0; PLANES];
+                            let mut scores = [[0; SIDES]; PLANES];
                             for block in blocks.iter() {
-                                for (score, plane) in scores.iter_mut().zip(planes) {
-                                    *score += u64::from(kernel(instructions, block, plane));
+                                for (scores, plane) in scores.iter_mut().zip(planes) {
+                                    let some = kernel(instructions, block, plane);
+                                    for (score, some) in scores.iter_mut().zip(some) {
+                                        *score += u64::from(some);
+                                    }
                                 }
                             }
-                            for (sum, score) in sums.iter().zip(scores) {
-                                sum.fetch_add(score, Ordering::Relaxed);
+                            for (sum, score) in
+                                sums.as_flattened().iter().zip(scores.as_flattened())
+                            {
+                                sum.fetch_add(*score, Ordering::Relaxed);
                             }
                             Ok(())
                         },
                     )
                 })?;
-                Ok(sums)
+                let of_side = |side| sums.iter().map(move |sums: &[AtomicU64; SIDES]| &sums[side]);
+                Ok((0..SIDES)
+                    .flat_map(of_side)
+                    .map(|sum| sum.load(Ordering::Relaxed) as f64 / unit)
+                    .collect())
             }
 
             /// Some points from `first` on. The last block is filled up with NaN, which no
@@ -150,46 +161,54 @@ macro_rules! scorer {
             }
 
             for_each_set! {
-                fn near_count(block: &Block<3>, plane: &Plane) -> $bits {
+                fn near_count(block: &Block<3>, plane: &Plane) -> [$bits; 1] {
                     let Block([x, y, z]) = block;
-                    (0..BLOCK)
+                    [(0..BLOCK)
                         .map(|i| {
                             let distance = distance(plane, [x[i], y[i], z[i]]);
                             $bits::from(distance.abs() <= plane.threshold)
                         })
-                        .sum()
+                        .sum()]
                 }
             }
 
             for_each_set! {
-                fn near_msac(block: &Block<3>, plane: &Plane) -> $bits {
+                fn near_msac(block: &Block<3>, plane: &Plane) -> [$bits; 1] {
                     let Block([x, y, z]) = block;
-                    gain((0..BLOCK).map(|i| loss(distance(plane, [x[i], y[i], z[i]]))))
+                    let lost = (0..BLOCK).map(|i| lost(distance(plane, [x[i], y[i], z[i]])));
+                    [BLOCK as $bits * $bits::from(WHOLE) - lost.sum::<$bits>()]
                 }
             }
 
             for_each_set! {
-                fn front_count(block: &Block<6>, plane: &Plane) -> $bits {
+                fn sides_count(block: &Block<6>, plane: &Plane) -> [$bits; 2] {
                     let Block([x, y, z, ux, uy, uz]) = block;
-                    (0..BLOCK)
-                        .map(|i| {
-                            let distance = distance(plane, [x[i], y[i], z[i]]);
-                            // From behind the limit is negative, and no distance is below that.
-                            $bits::from(distance.abs() <= limit(plane, [ux[i], uy[i], uz[i]]))
-                        })
-                        .sum()
-                }
-            }
-
-            for_each_set! {
-                fn front_msac(block: &Block<6>, plane: &Plane) -> $bits {
-                    let Block([x, y, z, ux, uy, uz]) = block;
-                    gain((0..BLOCK).map(|i| {
+                    let [mut front, mut back] = [0; 2];
+                    for i in 0..BLOCK {
+                        let distance = distance(plane, [x[i], y[i], z[i]]).abs();
+                        // From behind the limit is negative, and no distance is below that.
                         let limit = limit(plane, [ux[i], uy[i], uz[i]]);
+                        front += $bits::from(distance <= limit);
+                        back += $bits::from(distance <= -limit);
+                    }
+                    [front, back]
+                }
+            }
+
+            for_each_set! {
+                fn sides_msac(block: &Block<6>, plane: &Plane) -> [$bits; 2] {
+                    let Block([x, y, z, ux, uy, uz]) = block;
+                    let [mut both, mut back] = [0; 2];
+                    for i in 0..BLOCK {
+                        let limit = limit(plane, [ux[i], uy[i], uz[i]]);
+                        let gain = $bits::from(WHOLE)
+                            - lost(distance(plane, [x[i], y[i], z[i]]) / limit);
                         // All bits from behind, none else.
-                        let behind = limit.to_bits() as $signed >> ($signed::BITS - 1);
-                        loss(distance(plane, [x[i], y[i], z[i]]) / limit) | behind as $bits
-                    }))
+                        let behind = (limit.to_bits() as $signed >> ($signed::BITS - 1)) as $bits;
+                        both += gain;
+                        back += gain & behind;
+                    }
+                    [both - back, back]
                 }
             }
 
@@ -208,20 +227,13 @@ macro_rules! scorer {
                 a.mul_add(x, b.mul_add(y, c * z))
             }
 
-            /// The bits of the square of a scaled distance, rounded into the lowest of them.
+            /// What a point of a scaled distance loses: its square, rounded, but at most the whole.
+            /// NaN loses that.
             #[allow(clippy::inline_always)]
             #[inline(always)]
-            fn loss(distance: $float) -> $bits {
-                distance.mul_add(distance, ROUND).to_bits()
-            }
-
-            /// What is left of a block after the losses, each at most the whole. NaN loses it.
-            #[allow(clippy::inline_always)]
-            #[inline(always)]
-            fn gain(losses: impl Iterator<Item = $bits>) -> $bits {
-                let whole = LOST.to_bits();
-                let lost = losses.fold(0, |sum: $bits, loss| sum.wrapping_add(loss.min(whole)));
-                whole.wrapping_mul(BLOCK as $bits).wrapping_sub(lost)
+            fn lost(distance: $float) -> $bits {
+                let square = distance.mul_add(distance, ROUND).to_bits();
+                square.min(LOST.to_bits()) - ROUND.to_bits()
             }
         }
     };
