@@ -94,7 +94,10 @@ def detect_planes(
             raise ValueError("origins must be None for a Scan, which has its own")
         scan = points
     else:
-        scan = Scan.from_points(points, origins, sigma)
+        # Nobody sees the scan, so it need not own its points.
+        cloud = np.asarray(points).view()
+        cloud.setflags(write=False)
+        scan = Scan.from_points(cloud, origins, sigma)
     np.random.default_rng(rng)
     offset = scan.far_offset
     scan = scan.moved(-offset)
@@ -110,7 +113,7 @@ def detect_planes(
         noise = np.full(len(rows), limit / SIGMAS)
     if noise is not None and not noise.any():
         noise = None
-    cloud = np.ascontiguousarray(scan.points[rows])
+    cloud = scan.points if len(rows) == len(scan) else scan.points[rows]
     parts = flat_parts(cloud, noise, n_jobs)
     directions = np.ascontiguousarray(scan.directions[rows]) if scan.has_origins else None
     members = _members(parts.labels)

@@ -169,7 +169,7 @@ class Scan:
         cloud = as_rows("points", points, 3)
         n = len(cloud)
         if origins is None:
-            unknown = np.full((n, 3), np.nan)
+            unknown = np.broadcast_to(np.nan, (n, 3))
             return cls(
                 points=cloud,
                 origins=unknown,
@@ -216,7 +216,11 @@ class Scan:
 
     def moved(self, offset: Floats) -> Scan:
         """The scan moved by a vector (3,), metres."""
-        return replace(self, points=self.points + offset, origins=self.origins + offset)
+        if not offset.any():
+            return self
+        return replace(
+            self, points=frozen(self.points + offset), origins=frozen(self.origins + offset)
+        )
 
     @property
     def far_offset(self) -> Floats:

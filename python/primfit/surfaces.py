@@ -50,27 +50,42 @@ def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None =
     n_jobs : int or None
         Threads; the result does not depend on them.
     """
-    distinct, copy_of = _distinct(points)
-    labels, noise, n_neighbors = np.full(len(distinct), -1), np.zeros(len(distinct)), 0
-    if len(distinct) >= _FEWEST:
-        near = points[distinct] - points[distinct].mean(axis=0)
-        tree = _primfit.PointTree(near)
-        order = tree.order()
-        given = None if sigma is None else np.ascontiguousarray(sigma[distinct[order]])
-        labels[order], noise[order], n_neighbors = tree.segment(given, n_jobs)
-    return FlatParts(labels[copy_of], noise[copy_of], n_neighbors)
+    first = _first_copies(points)
+    if first is None:
+        return _flat_parts(points, sigma, n_jobs)
+    distinct, copy_of = np.unique(first, return_inverse=True)
+    given = None if sigma is None else sigma[distinct]
+    parts = _flat_parts(points[distinct], given, n_jobs)
+    return FlatParts(parts.labels[copy_of], parts.sigma[copy_of], parts.n_neighbors)
 
 
-def _distinct(points: Floats) -> tuple[Ints, Ints]:
-    """Rows without copies, rising, and for each point its place among them."""
-    order = np.lexsort(points.T)
-    is_new = np.ones(len(points), dtype=bool)
-    is_new[1:] = (np.diff(points[order], axis=0) != 0.0).any(axis=1)
-    if is_new.all():
-        return np.arange(len(points)), np.arange(len(points))
+def _flat_parts(points: Floats, sigma: Floats | None, n_jobs: int | None) -> FlatParts:
+    """The same for points without copies."""
+    if len(points) < _FEWEST:
+        return FlatParts(np.full(len(points), -1), np.zeros(len(points)), 0)
+    tree = _primfit.PointTree(points - points.mean(axis=0))
+    given = None if sigma is None else np.ascontiguousarray(sigma[tree.order()])
+    sorted_labels, sorted_noise, n_neighbors = tree.segment(given, n_jobs)
+    order = tree.order()
+    labels, noise = np.empty_like(sorted_labels), np.empty_like(sorted_noise)
+    labels[order], noise[order] = sorted_labels, sorted_noise
+    return FlatParts(labels, noise, n_neighbors)
+
+
+def _first_copies(points: Floats) -> Ints | None:
+    """The lowest row with the coordinates of each point; None when no two points are the same."""
+    x = points[:, 0]
+    order = np.argsort(x)
+    shares_next = x[order[1:]] == x[order[:-1]]
+    shares = np.append(shares_next, False) | np.append(False, shares_next)
+    rows = order[shares]
     # Sorting is stable: the first of a run of copies has the lowest row.
-    firsts = order[is_new]
-    place = np.argsort(np.argsort(firsts))
-    copy_of = np.empty_like(order)
-    copy_of[order] = place[np.cumsum(is_new) - 1]
-    return np.sort(firsts), copy_of
+    rows.sort()
+    rows = rows[np.lexsort(points[rows].T)]
+    is_new = np.ones(len(rows), dtype=bool)
+    is_new[1:] = (np.diff(points[rows], axis=0) != 0.0).any(axis=1)
+    if is_new.all():
+        return None
+    first = np.arange(len(points))
+    first[rows] = rows[is_new][np.cumsum(is_new) - 1]
+    return first
