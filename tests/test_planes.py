@@ -86,7 +86,7 @@ class TestClouds:
         planes = primfit.detect_planes(cloud + 0.005 * rng.normal(size=cloud.shape))
         truth = np.repeat([0, 1, 2], n)
         assert iou(planes.labels, np.where(truth == 0, 0, -1)).min() > 0.98
-        assert (planes.labels[truth > 0] >= 0).mean() < 0.1
+        assert len(planes) == 1
 
     def test_a_step_of_five_sigma_is_two_planes(self):
         rng = np.random.default_rng(3)

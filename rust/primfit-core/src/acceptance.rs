@@ -14,10 +14,9 @@ use crate::{Error, Vector, Workers};
 const PURITY: f64 = 0.5;
 /// Least logarithm of the likelihood ratio of a plane to scattered points.
 const EVIDENCE: f64 = 5.0;
-/// Turn of the normal from side to side, radians, from which a part is curved, if it is so with
-/// this evidence.
-const BENT: f64 = 0.15;
-const CURVED: f64 = 16.0;
+/// Standard deviation of a plane on rough surfaces, as a share of its points' noise, below which it
+/// is no plane but one row of the scan, whose beams spread in a plane of their own.
+const THINNEST: f64 = 1.0 / 3.0;
 /// Points of a plane around which it is compared with scattered ones.
 const SAMPLES: usize = 16;
 /// How much denser the points must lie on the plane than on its denser side: 8 times in a Gaussian
@@ -57,7 +56,8 @@ pub fn accept(
         })
         .collect();
     let members = Members::of(&labels);
-    let test = Test { tree, graph, labels: &labels, planes: &planes };
+    let thinnest = if surfaces == Surfaces::Rough { THINNEST } else { 0.0 };
+    let test = Test { tree, graph, labels: &labels, planes: &planes, thinnest };
     let mut accepted = vec![false; planes.len()];
     workers.fill(&mut accepted, 1, Search::default, |search, k, accepted| {
         accepted[0] = test.passes(k, members.get(k), search);
@@ -79,15 +79,16 @@ struct Test<'a> {
     labels: &'a [i32],
     /// Plane and standard deviation of each label.
     planes: &'a [(Spread, f64)],
+    thinnest: f64,
 }
 
 impl Test<'_> {
     fn passes(&self, number: usize, places: &[u32], search: &mut Search) -> bool {
-        let spread = &self.planes[number].0;
+        let (spread, sigma) = &self.planes[number];
         let [thin, middle, long] = spread.variances;
         let flatness = middle / thin.max(FLOOR * FLOOR * long);
         let least = (FLAT_BY_CHANCE / places.len() as f64).clamp(FLAT.0, FLAT.1);
-        if places.len() < FEWEST || flatness <= least {
+        if places.len() < FEWEST || flatness <= least || thin.sqrt() < self.thinnest * sigma {
             return false;
         }
         self.purity(number as i32, places) >= PURITY
@@ -109,7 +110,7 @@ impl Test<'_> {
 
     fn is_bent(&self, spread: &Spread, places: &[u32]) -> bool {
         let points = places.iter().map(|&place| &self.tree.points()[place as usize]);
-        Bend::of(points, spread).is_some_and(|bend| bend.turn > BENT && bend.evidence > CURVED)
+        Bend::of(points, spread).is_some_and(|bend| bend.is_clear())
     }
 
     /// Logarithm of the likelihood ratio of points spread normally about the plane to points that

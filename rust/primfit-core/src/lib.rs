@@ -7,6 +7,7 @@ mod acceptance;
 mod beams;
 mod bounds;
 mod carving;
+mod continuation;
 mod crossings;
 mod curvature;
 mod dbscan;

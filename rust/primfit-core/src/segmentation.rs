@@ -1,6 +1,7 @@
 //! The planes of a cloud of which nothing is known: grown, in competition, cut, merged, tested.
 
 use crate::acceptance::accept;
+use crate::continuation::without_patches;
 use crate::graph::Graph;
 use crate::growth::{FEWEST, NOBODY, Seed, grow};
 use crate::merging::merge;
@@ -83,6 +84,7 @@ pub fn segment(
     labels = swept(accept(tree, &graph, &noise, &labels, surfaces, workers)?)?;
     labels = merge(&graph, &fitted(&labels), &labels, surfaces);
     labels = accept(tree, &graph, &noise, &labels, surfaces, workers)?;
+    labels = without_patches(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;
     let known =
         |i: usize| if noise[i].is_nan() { local[i / step].sigma } else { f64::from(noise[i]) };
     let sigma = (0..points.len()).map(known).collect();
