@@ -5,10 +5,10 @@
     python benches/planes.py prisms25 --told              with the noise given to primfit
 
 PRIMFIT_DATA names the folder of the recorded clouds. Peers come with the extra "bench"; they are
-given what they need: Open3D the settings of its tutorial on planar patches, pyransac3d and CGAL
-Efficient RANSAC a threshold of three times the noise, or where that is unknown of what primfit
-estimates. Each method runs in a process of its own; CPU seconds are those of the call, memory what it adds
-to the peak of the process.
+given what they need: Open3D the settings of its tutorial on planar patches; pyransac3d, and CGAL's
+Efficient RANSAC and region growing, a threshold of three times the noise, or where that is unknown
+of what primfit estimates. Each method runs in a process of its own, which is stopped after
+`TIME_LIMIT`; CPU seconds are those of the call, memory what it adds to the peak of the process.
 """
 
 from __future__ import annotations
@@ -33,6 +33,9 @@ import primfit
 from primfit.planes import axes_of
 
 MOST_PLANES = 60
+
+TIME_LIMIT = 120.0
+"""Seconds of wall after which a method is stopped, and said to be."""
 
 
 def ours(scene: Scene, threshold: float | None) -> primfit.Planes:
@@ -77,6 +80,21 @@ def pyransac3d_planes(scene: Scene, threshold: float) -> np.ndarray:
 
 
 def cgal_ransac(scene: Scene, threshold: float) -> np.ndarray:
+    return cgal(
+        scene,
+        "efficient_RANSAC",
+        epsilon=threshold,
+        normal_threshold=0.8,
+        planes=True,
+    )
+
+
+def cgal_growing(scene: Scene, threshold: float) -> np.ndarray:
+    return cgal(scene, "region_growing", epsilon=threshold, normal_treshold=0.8, k=30)
+
+
+def cgal(scene: Scene, method: str, **settings: object) -> np.ndarray:
+    """One of CGAL's detections."""
     from CGAL import CGAL_Point_set_3 as sets
     from CGAL import CGAL_Point_set_processing_3 as processing
     from CGAL import CGAL_Shape_detection as shapes
@@ -86,18 +104,12 @@ def cgal_ransac(scene: Scene, threshold: float) -> np.ndarray:
     cloud.add_normal_map()
     for point in scene.points - scene.points.mean(axis=0):
         cloud.insert(Point_3(*point.tolist()))
-    processing.jet_estimate_normals(cloud, 16)
+    processing.jet_estimate_normals(cloud, 48)
     numbers = cloud.add_int_map("shape")
-    spacing = processing.compute_average_spacing(cloud, 16)
-    shapes.efficient_RANSAC(
-        cloud,
-        numbers,
-        min_points=max(10, len(scene.points) // 1000),
-        epsilon=threshold,
-        cluster_epsilon=5 * spacing,
-        normal_threshold=0.8,
-        planes=True,
-    )
+    if method == "efficient_RANSAC":
+        settings["cluster_epsilon"] = 5 * processing.compute_average_spacing(cloud, 16)
+    least = max(10, len(scene.points) // 1000)
+    getattr(shapes, method)(cloud, numbers, min_points=least, **settings)
     # The set is permuted; its points tell which is which.
     rows = {tuple(p): i for i, p in enumerate((scene.points - scene.points.mean(axis=0)).tolist())}
     labels = np.full(len(scene.points), -1)
@@ -110,7 +122,8 @@ def cgal_ransac(scene: Scene, threshold: float) -> np.ndarray:
 PEERS: dict[str, tuple[str, Callable[[Scene, float], np.ndarray]]] = {
     "open3d": ("open3d-cpu", open3d_patches),
     "pyransac3d": ("pyransac3d", pyransac3d_planes),
-    "cgal": ("cgal", cgal_ransac),
+    "cgal RANSAC": ("cgal", cgal_ransac),
+    "cgal growing": ("cgal", cgal_growing),
 }
 
 
@@ -237,20 +250,25 @@ def main() -> None:
             for method in methods:
                 command = [sys.executable, __file__, "--one", group, str(number), method]
                 told = ["--told"] if args.told else []
-                result = subprocess.run([*command, *told], capture_output=True, text=True)
-                print(
-                    line(json.loads(result.stdout))
-                    if result.returncode == 0
-                    else f"{scenes[number].name:30s} {method:10s} failed: {result.stderr.splitlines()[-1]}",
-                    flush=True,
-                )
+                print(outcome(scenes[number].name, method, [*command, *told]), flush=True)
         if group == "board":
             board_rows([(scene, ours(scene, None)) for scene in scenes])
 
 
+def outcome(scene: str, method: str, command: list[str]) -> str:
+    """One line of the table, from a process of its own."""
+    try:
+        result = subprocess.run(command, capture_output=True, text=True, timeout=TIME_LIMIT)
+    except subprocess.TimeoutExpired:
+        return f"{scene:30s} {method:12s} stopped after {TIME_LIMIT:g} s"
+    if result.returncode:
+        return f"{scene:30s} {method:12s} failed: {result.stderr.splitlines()[-1]}"
+    return line(json.loads(result.stdout))
+
+
 def line(row: dict) -> str:
     text = (
-        f"{row['scene']:30s} {row['method']:10s} {row['planes']:5.0f} planes, "
+        f"{row['scene']:30s} {row['method']:12s} {row['planes']:5.0f} planes, "
         f"{row['in_planes']:4.0%} of points, {row['in_largest_4']:4.0%} in 4"
     )
     if "f_0.75" in row:

@@ -258,7 +258,27 @@ def test_a_top_above_all_beams_is_not_known():
 def test_noise_from_neighbouring_beams(noise):
     scan = scanned(primfit.random_world(rng=5), noise, 5)
     estimate = estimate_range_sigma(scan, np.random.default_rng(1))
-    assert estimate == pytest.approx(noise, rel=0.15, abs=1e-3)
+    assert estimate == pytest.approx(noise, rel=0.1, abs=2e-4)
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.03, 0.1])
+def test_noise_of_a_spinning_sensor(noise):
+    sizes = dict.fromkeys(("triangle", "square", "rectangle", "pentagon"), (1.0, 2.0))
+    world = primfit.random_world(rng=5, size=20.0, sizes=sizes, height=2.0)
+    lidar = primfit.Lidar.vlp16(mount=(0.0, 0.0, 1.0), noise=noise / 100.0)
+    scan = primfit.scan(world, (2.0, 2.0, 0.0), lidar, rng=5)
+    assert estimate_range_sigma(scan, np.random.default_rng(1)) == pytest.approx(noise, rel=0.06)
+
+
+def test_noise_of_a_recorded_turn(data):
+    sigmas = []
+    for part in ("full", "target"):
+        points = primfit.read_points(data / "vlp16_board" / f"pose3_{part}.pcd")
+        scan = primfit.Scan.from_points(points, origins=(0.0, 0.0, 0.0))
+        sigmas.append(estimate_range_sigma(scan, np.random.default_rng(1)))
+    # The board's points have 13 to 18 mm about its plane, of which rings do not share all.
+    assert 0.004 < min(sigmas) <= max(sigmas) < 0.018
+    assert sigmas[0] == pytest.approx(sigmas[1], rel=0.3)
 
 
 @pytest.mark.parametrize("noise", [0.02, 0.2])

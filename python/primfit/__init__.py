@@ -2,6 +2,7 @@
 
 from importlib.metadata import version
 
+from primfit.box_fit import BoxFit, fit_box
 from primfit.casting import RayCaster
 from primfit.clouds import Cloud
 from primfit.clustering import dbscan
@@ -28,6 +29,7 @@ __version__ = version("primfit")
 
 __all__ = [
     "Arena",
+    "BoxFit",
     "Cloud",
     "Detection",
     "FoundArena",
@@ -52,6 +54,7 @@ __all__ = [
     "evaluate",
     "evaluate_segmentation",
     "find_polyhedra",
+    "fit_box",
     "grid_path",
     "points_of_depth",
     "random_world",

@@ -46,6 +46,7 @@ def closed_solid(group: list[int], faces: list[Face], graph: nx.Graph) -> FoundP
     scatters = [scatter_of(faces[i].points, max(faces[i].rms, 1e-9)) for i in group]
     equations = [faces[i].equation for i in group]
     planes = list(group)
+    vague = 0.0
     for cycle in cycles:
         met = [k for k in cycle if k != OPEN]
         if len(cycle) < 3 or len(set(met)) < len(met):
@@ -59,13 +60,23 @@ def closed_solid(group: list[int], faces: list[Face], graph: nx.Graph) -> FoundP
         ends = [sides[k][n] for k, n in loop if k < len(group)]
         if len(ends) < max(3, len(loop)) or len({k for k, _ in loop}) < len(loop):
             return None
-        beyond = {side.neighbor for side in ends}
-        plane = beyond.pop() if len(beyond) == 1 else OPEN
         points = np.vstack([side.samples for side in ends])
         slack = max(faces[i].reach for i in group)
-        equation = fitted(points) if plane < 0 else faces[plane].equation
-        if np.sqrt(((points @ equation[:3] + equation[3]) ** 2).mean()) > slack:
+        beyond = {side.neighbor for side in ends}
+        plane = beyond.pop() if len(beyond) == 1 else OPEN
+        equation = fitted(points)
+        misfit = float((points @ equation[:3] + equation[3]).std())
+        if plane >= 0:
+            off = points @ faces[plane].equation[:3] + faces[plane].equation[3]
+            # All may end above the floor; that they end along another plane tells another face.
+            if off.std() <= 1.5 * misfit and np.abs(off.mean()) <= slack:
+                equation = faces[plane].equation
+            else:
+                plane = OPEN
+        if misfit > slack:
             return None
+        if plane < 0:
+            vague = slack
         for k, n in loop:
             cycles[k][n] = len(cycles)
         cycles.append([k for k, _ in reversed(loop)])
@@ -84,7 +95,9 @@ def closed_solid(group: list[int], faces: list[Face], graph: nx.Graph) -> FoundP
         solid = Polyhedron(vertices, tuple(corners))
     except ValueError:
         return None
-    shape = shape_of(solid.vertices, solid.faces, EQUAL)
+    # Where sides end is known to a third of the slack, and so is a face that only they tell.
+    extent = float(np.ptp(solid.vertices, axis=0).max())
+    shape = shape_of(solid.vertices, solid.faces, max(EQUAL, 2.0 / 3.0 * vague / extent))
     return FoundPolyhedron(
         kind=shape.kind,
         vertices=solid.vertices,

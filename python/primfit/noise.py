@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.spatial import KDTree
+from scipy.stats import norm
 
 from primfit import _primfit
 from primfit._check import Floats
@@ -13,7 +14,9 @@ from primfit.scans import Scan
 _NEIGHBOURS = (16, 32, 64, 128, 256, 512, 1024)
 _SAMPLES = 400
 _ORIGINS = 32
-_BESIDE = 12
+_TRIPLES = 4096
+_IN_A_ROW = 0.25
+"""How far the third of three beams may be off their line, as a share of the gap between them."""
 _FLATNESS = 6.0
 """Second smallest over smallest eigenvalue from which a neighbourhood counts as a flat one."""
 
@@ -62,23 +65,31 @@ def estimate_sigma(points: Floats, directions: Floats | None, rng: np.random.Gen
 def estimate_range_sigma(scan: Scan, rng: np.random.Generator) -> float:
     """Standard deviation of the ranges, metres, from neighbouring beams of the same origin.
 
-    The median over random beams of what a linear trend in direction leaves of the ranges of the
-    nearest ones. Unlike points in space these are neighbours however large the noise is.
+    Second differences of the ranges of three beams in a row: one, the nearest to it, and the one
+    across, which in a spinning sensor are consecutive firings of one ring. Their median tells it,
+    so that corners and edges do not. Unlike points in space these are neighbours however large
+    the noise is.
     """
     returns = np.flatnonzero(scan.is_return)
     keys = np.unique(scan.origins[returns], axis=0, return_inverse=True)[1].ravel()
-    variances = []
-    for key in rng.permutation(int(keys.max()) + 1)[:_ORIGINS]:
+    chosen = rng.permutation(int(keys.max()) + 1)[:_ORIGINS]
+    differences = [np.empty(0)]
+    for key in chosen:
         rows = returns[keys == key]
-        if len(rows) < 3 * _BESIDE:
+        if len(rows) < 3:
             continue
         ways, ranges = scan.directions[rows], scan.ranges[rows]
-        at = rng.integers(len(rows), size=_BESIDE)
-        beside = KDTree(ways).query(ways[at], k=_BESIDE)[1]
-        trend = np.concatenate([np.ones((*beside.shape, 1)), ways[beside]], axis=2)
-        fitted = trend @ np.linalg.pinv(trend, rcond=1e-6) @ ranges[beside][..., None]
-        left = ((ranges[beside] - fitted[..., 0]) ** 2).sum(axis=1)
-        variances.append(left / (_BESIDE - np.linalg.matrix_rank(trend, tol=1e-6)))
-    if not variances:
+        tree = KDTree(ways)
+        at = rng.permutation(len(rows))[: max(1, _TRIPLES // len(chosen))]
+        gaps, nearest = tree.query(ways[at], k=2)
+        beside = nearest[:, 1]
+        cosine = np.einsum("ni,ni->n", ways[at], ways[beside])
+        off, across = tree.query(2.0 * cosine[:, None] * ways[at] - ways[beside])
+        in_a_row = off < _IN_A_ROW * gaps[:, 1]
+        at, beside, across = at[in_a_row], beside[in_a_row], across[in_a_row]
+        differences.append(ranges[beside] - 2.0 * ranges[at] + ranges[across])
+    sizes = np.abs(np.concatenate(differences))
+    if not len(sizes):
         return float(np.ptp(scan.ranges[returns])) * FLOOR
-    return float(np.sqrt(np.median(np.concatenate(variances))))
+    # Half of all normal deviates are below their 0.75 quantile, and 1 + 4 + 1 variances add up.
+    return float(np.median(sizes) / (norm.ppf(0.75) * np.sqrt(6.0)))
