@@ -3,9 +3,10 @@
     python benches/performance.py                  all; writes docs/performance.md and .png
     python benches/performance.py --repeat 3 --largest 1000000
 
-Needs Linux and the extras `bench` and `plot`. The page is filled in between its markers; what stands around
-them is written by hand. Answers are compared by the benchmarks of the single kernels (`rays.py`,
-`dbscan.py`, `scoring.py`, `bench.py`); here is only measured. The figure is that of `scaling.py`.
+Needs Linux, the extras `bench` and `plot`, and for Open3D the system's libusb-1.0. The page is
+filled in between its markers; what stands around them is written by hand. Answers are compared by
+the benchmarks of the single kernels (`rays.py`, `dbscan.py`, `scoring.py`, `bench.py`); here is only
+measured. The figure is that of `scaling.py`.
 """
 
 from __future__ import annotations
@@ -122,15 +123,15 @@ def clustering_rows(repeat: int) -> list[str]:
     """Seconds of DBSCAN beside the fastest of its peers, by CPU."""
     here = Path(__file__).parent
     spec = importlib.util.spec_from_file_location("clustering_bench", here / "dbscan.py")
-    bench = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(bench)
+    clusterings = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(clusterings)
     sys.path.insert(0, str(here))  # which that benchmark takes out
     rows = []
-    for make, eps in bench.CASES.values():
+    for make, eps in clusterings.CASES.values():
         points = np.ascontiguousarray(make(np.random.default_rng(7)))
         for min_samples in (1, 10):
             settings = (points, eps, min_samples)
-            calls = {name: partial(peer, *settings) for name, peer in bench.PEERS.items()}
+            calls = {name: partial(peer, *settings) for name, peer in clusterings.PEERS.items()}
             calls["primfit"] = partial(primfit.dbscan, *settings)
             times = rounds(calls, max(1, min(repeat, 1_000_000 // len(points))))
             mine = times.pop("primfit")[1]

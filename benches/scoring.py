@@ -5,9 +5,9 @@
 
 Open3D needs the extra `bench`, the C loop a compiler named `cc`. NumPy in float64 is the judge: a
 point within rounding of the threshold may count on one side only, and more than one in 100 000
-such tests makes the exit status 1. The rates are medians by wall and CPU time, and the best by CPU time,
-which other work on the machine slows least. Open3D draws its own planes and fits the best to its inliers,
-so that primfit's count for it is close to Open3D's but not equal.
+such tests makes the exit status 1. Rates are medians by wall and CPU time, and the best by CPU
+time, which other work on the machine slows least. Open3D draws its own planes and fits the best to
+its inliers, so that primfit's count for it is close to Open3D's but not equal.
 """
 
 from __future__ import annotations

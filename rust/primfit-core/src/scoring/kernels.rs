@@ -175,8 +175,10 @@ macro_rules! scorer {
             for_each_set! {
                 fn near_msac(block: &Block<3>, plane: &Plane) -> [$bits; 1] {
                     let Block([x, y, z]) = block;
-                    let lost = (0..BLOCK).map(|i| lost(distance(plane, [x[i], y[i], z[i]])));
-                    [BLOCK as $bits * $bits::from(WHOLE) - lost.sum::<$bits>()]
+                    let lost = (0..BLOCK)
+                        .map(|i| lost(distance(plane, [x[i], y[i], z[i]])))
+                        .fold(0, $bits::wrapping_add);
+                    [LOST.to_bits().wrapping_mul(BLOCK as $bits).wrapping_sub(lost)]
                 }
             }
 
@@ -201,7 +203,7 @@ macro_rules! scorer {
                     let [mut both, mut back] = [0; 2];
                     for i in 0..BLOCK {
                         let limit = limit(plane, [ux[i], uy[i], uz[i]]);
-                        let gain = $bits::from(WHOLE)
+                        let gain = LOST.to_bits()
                             - lost(distance(plane, [x[i], y[i], z[i]]) / limit);
                         // All bits from behind, none else.
                         let behind = (limit.to_bits() as $signed >> ($signed::BITS - 1)) as $bits;
@@ -228,12 +230,11 @@ macro_rules! scorer {
             }
 
             /// What a point of a scaled distance loses: its square, rounded, but at most the whole.
-            /// NaN loses that.
+            /// NaN loses that. Above them are the bits of [`ROUND`].
             #[allow(clippy::inline_always)]
             #[inline(always)]
             fn lost(distance: $float) -> $bits {
-                let square = distance.mul_add(distance, ROUND).to_bits();
-                square.min(LOST.to_bits()) - ROUND.to_bits()
+                distance.mul_add(distance, ROUND).to_bits().min(LOST.to_bits())
             }
         }
     };
