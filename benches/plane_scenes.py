@@ -193,8 +193,14 @@ def ascii_pcd(file: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def room(data: Path) -> Scene:
+    """The labelled parts that are flat within 30 mm rms."""
     points, labels = ascii_pcd(data / "room/room2_gt_fine.pcd")
-    return Scene("room", points, np.where(labels == 0, -1, labels))
+    truth = np.full(len(points), -1)
+    for label in np.unique(labels[labels > 0]):
+        own = points[labels == label]
+        if np.linalg.eigvalsh(np.cov(own.T, bias=True))[0] <= 0.03**2:
+            truth[labels == label] = label
+    return Scene("room, flat parts", points, truth)
 
 
 def boxes(data: Path) -> list[Scene]:

@@ -229,6 +229,18 @@ class TestRecorded:
             assert plane.equation[:3] @ plane.centroid < 0
         np.testing.assert_allclose(np.median(sizes, axis=0), [0.610, 0.850], rtol=0.03)
 
+    def test_walls_and_floor_of_a_scan_are_in_one_piece(self, data):
+        cloud = primfit.read_points(data / "vlp16_board/pose3_full.pcd")
+        planes = primfit.detect_planes(cloud)
+        large = [plane for plane in planes if len(plane.inliers) > 500]
+        for i, a in enumerate(large):
+            for b in large[:i]:
+                is_along = abs(a.equation[:3] @ b.equation[:3]) > np.cos(np.radians(10))
+                off = np.abs(cloud[b.inliers] @ a.equation[:3] + a.equation[3])
+                assert not is_along or np.median(off) > planes.thresholds[0]
+        # Beams of one ring lie in a plane, or on a cone, of their own.
+        assert len(planes) < 50
+
     @pytest.mark.parametrize(("scale", "shift"), [(0.01, 0.0), (100.0, 0.0), (1.0, 5e6)])
     def test_board_scaled_and_moved(self, data, scale, shift):
         cloud = primfit.read_points(data / "vlp16_board/pose3_full.pcd")
