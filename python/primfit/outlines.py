@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, Delaunay, QhullError
 
 from primfit._check import Floats, Ints
 
-_MOST = 10_000
+_MOST = 4_000
 """Points beyond which an outline is drawn from one point a cell."""
 
 _LONGEST = 20

@@ -29,6 +29,7 @@ mod scoring;
 mod segmentation;
 mod splitting;
 mod spread;
+mod vicinity;
 mod workers;
 
 pub use beams::{BeamBlocks, Beams, Prices};

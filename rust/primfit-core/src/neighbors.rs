@@ -3,10 +3,11 @@
 //! A k-d tree (Bentley, 1975) whose leaves hold 16 points, stored in the order of the tree:
 //! what is near in space is mostly near in memory. Ties go to the lower row.
 
+use crate::bounds::bounds;
 use crate::{Error, Vector, Workers};
 
 /// Points of a leaf; only the last leaf may hold fewer.
-const LEAF: usize = 16;
+pub const LEAF: usize = 16;
 /// Points of a subtree from which its halves are built at the same time.
 const TOGETHER: usize = 1 << 14;
 
@@ -28,6 +29,26 @@ struct Node {
     second: u32,
 }
 
+/// A copy of a leaf.
+pub struct Block {
+    low: Vector,
+    high: Vector,
+    /// Place of its first point.
+    pub start: u32,
+    /// Number of its points.
+    pub len: usize,
+    /// Coordinates of its points, axis after axis.
+    pub coordinates: [[f64; LEAF]; 3],
+}
+
+impl Block {
+    /// Squared distance of a point to the box around it.
+    #[inline]
+    pub fn gap(&self, query: &Vector) -> f64 {
+        gap(&self.low, &self.high, query, query)
+    }
+}
+
 /// A point of the tree near a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Neighbor {
@@ -42,7 +63,7 @@ pub struct Neighbor {
 impl Neighbor {
     fn order(&self, other: &Self) -> std::cmp::Ordering {
         // Bits of floats that are not negative rise with them.
-        let key = |n: &Self| (n.squared.to_bits(), n.row);
+        let key = |n: &Self| (u128::from(n.squared.to_bits()) << 32) | u128::from(n.row);
         key(self).cmp(&key(other))
     }
 }
@@ -140,6 +161,45 @@ impl PointTree {
         found
     }
 
+    /// Copies the leaves whose boxes are within `radius` of that of a leaf; false, and some of
+    /// them, when there are more than `most`.
+    pub fn blocks_around(
+        &self,
+        leaf: usize,
+        radius: f64,
+        most: usize,
+        blocks: &mut Vec<Block>,
+    ) -> bool {
+        let start = leaf * LEAF;
+        let own = &self.points[start..self.points.len().min(start + LEAF)];
+        let [low, high] = bounds(own);
+        blocks.clear();
+        let mut open = vec![0];
+        while let Some(at) = open.pop() {
+            let node = &self.nodes[at as usize];
+            if gap(&node.low, &node.high, &low, &high) > radius * radius {
+                continue;
+            }
+            if node.second != 0 {
+                open.extend([node.second, at + 1]);
+                continue;
+            }
+            if blocks.len() == most {
+                return false;
+            }
+            let mut coordinates = [[0.0; LEAF]; 3];
+            let points = &self.points[node.start as usize..node.end as usize];
+            for (lane, point) in points.iter().enumerate() {
+                for (lanes, coordinate) in coordinates.iter_mut().zip(point) {
+                    lanes[lane] = *coordinate;
+                }
+            }
+            let Node { low, high, start, .. } = *node;
+            blocks.push(Block { low, high, start, len: points.len(), coordinates });
+        }
+        true
+    }
+
     /// Hands over the points of a leaf, or puts the children of a node on the stack, nearer last.
     fn open_node(
         &self,
@@ -189,15 +249,22 @@ impl PointTree {
 impl Node {
     /// Squared distance of a point to the box; never more than that to a point within.
     fn gap(&self, query: &Vector) -> f64 {
-        let across = |k: usize| {
-            let outside = (self.low[k] - query[k]).max(query[k] - self.high[k]).max(0.0);
-            outside * outside
-        };
-        across(0) + across(1) + across(2)
+        gap(&self.low, &self.high, query, query)
     }
 }
 
+/// Squared distance of two boxes.
+#[inline]
+fn gap(low: &Vector, high: &Vector, other_low: &Vector, other_high: &Vector) -> f64 {
+    let across = |k: usize| {
+        let outside = (low[k] - other_high[k]).max(other_low[k] - high[k]).max(0.0);
+        outside * outside
+    };
+    across(0) + across(1) + across(2)
+}
+
 /// Squared distance of two points.
+#[inline]
 pub fn squared_distance(a: &Vector, b: &Vector) -> f64 {
     let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     x * x + y * y + z * z

@@ -1,7 +1,8 @@
 //! The plane around each point, at the smallest scale that shows one.
 
-use crate::neighbors::{Neighbor, PointTree, Search};
-use crate::spread::{Spread, Sums};
+use crate::neighbors::{Neighbor, PointTree};
+use crate::spread::{Moments, Spread, Sums};
+use crate::vicinity::Vicinity;
 use crate::{Error, Vector, Workers};
 
 /// Sizes of neighbourhoods that are tried, smallest first.
@@ -59,19 +60,45 @@ impl PointTree {
         workers: &Workers,
     ) -> Result<Vec<LocalPlane>, Error> {
         let mut planes = vec![LocalPlane::default(); self.points().len().div_ceil(step)];
-        workers.fill(&mut planes, 1, Search::default, |search, i, plane| {
-            let i = i * step;
-            let point = &self.points()[i];
-            let sigma = sigma.map(|sigma| sigma[i]);
-            let found = self.nearest(point, FEW, search);
-            let few = self.flattest(point, found, sigma, FEW / WIDER);
-            plane[0] = if few.is_flat {
-                few
-            } else {
-                self.flattest(point, self.nearest(point, MOST, search), sigma, MOST)
-            };
-        })?;
+        workers.fill(
+            &mut planes,
+            1,
+            || Vicinity::new(self),
+            |vicinity, i, plane| {
+                let i = i * step;
+                let point = &self.points()[i];
+                let sigma = sigma.map(|sigma| sigma[i]);
+                let few = self.flattest(point, vicinity.nearest(i, FEW), sigma, FEW / WIDER);
+                plane[0] = if few.is_flat {
+                    few
+                } else {
+                    self.flattest(point, vicinity.nearest_of_one(i, MOST), sigma, MOST)
+                };
+            },
+        )?;
         Ok(planes)
+    }
+
+    /// The unit normal of the `k` points nearest to each, by least squares, in the order of the
+    /// tree; zero where there are fewer than 3.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn normals(&self, k: usize, workers: &Workers) -> Result<Vec<Vector>, Error> {
+        let mut normals = vec![[0.0; 3]; self.points().len()];
+        if k.min(normals.len()) >= 3 {
+            workers.fill(
+                &mut normals,
+                1,
+                || Vicinity::new(self),
+                |vicinity, i, normal| {
+                    let near =
+                        vicinity.nearest(i, k).iter().map(|&place| &self.points()[place as usize]);
+                    normal[0] = Moments::of(near, &self.points()[i]).spread().normal;
+                },
+            )?;
+        }
+        Ok(normals)
     }
 
     /// Looks again at neighbourhoods that are not flat, now that the noise is known around them:
@@ -86,22 +113,27 @@ impl PointTree {
         step: usize,
         workers: &Workers,
     ) -> Result<(), Error> {
-        workers.fill(local, 1, Search::default, |search, i, plane| {
-            let i = i * step;
-            let sigma = f64::from(noise[i]);
-            if !plane[0].is_flat && plane[0].sigma <= THICKEST * sigma {
-                let point = &self.points()[i];
-                plane[0] =
-                    self.flattest(point, self.nearest(point, MOST, search), Some(sigma), MOST);
-            }
-        })
+        workers.fill(
+            local,
+            1,
+            || Vicinity::new(self),
+            |vicinity, i, plane| {
+                let i = i * step;
+                let sigma = f64::from(noise[i]);
+                if !plane[0].is_flat && plane[0].sigma <= THICKEST * sigma {
+                    let point = &self.points()[i];
+                    let found = vicinity.nearest_of_one(i, MOST);
+                    plane[0] = self.flattest(point, found, Some(sigma), MOST);
+                }
+            },
+        )
     }
 
     /// The plane of the first size that is flat, up to `largest`; else of the flattest.
     fn flattest(
         &self,
         point: &Vector,
-        found: &[Neighbor],
+        found: &[u32],
         sigma: Option<f64>,
         largest: usize,
     ) -> LocalPlane {
@@ -114,8 +146,8 @@ impl PointTree {
             if size == taken || size < 4 {
                 break;
             }
-            for neighbor in &found[taken..size] {
-                sums.add(&self.points()[neighbor.place as usize]);
+            for &place in &found[taken..size] {
+                sums.add(&self.points()[place as usize]);
             }
             taken = size;
             let spread = sums.moments().spread();
@@ -133,7 +165,7 @@ impl PointTree {
             let near = NEAR * variance.sqrt();
             let support = wider
                 .iter()
-                .filter(|n| spread.distance(&self.points()[n.place as usize]).abs() <= near)
+                .filter(|&&place| spread.distance(&self.points()[place as usize]).abs() <= near)
                 .count();
             let is_supported = support as f64 >= SUPPORT * wider.len() as f64;
             let is_flat = flatness > least && middle > LINE * long && is_supported;

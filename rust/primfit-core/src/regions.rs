@@ -120,13 +120,15 @@ pub fn compete(
     surfaces: Surfaces,
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
-    let planes: Vec<(Spread, f64)> = regions
+    let planes: Vec<(Spread, f64, f64)> = regions
         .iter()
         .map(|region| {
             let spread = region.spread();
-            (spread, region.sigma(&spread, surfaces))
+            let sigma = region.sigma(&spread, surfaces);
+            (spread, sigma, (sigma * std::f64::consts::TAU.sqrt()).ln())
         })
         .collect();
+    let shares = Shares::new(graph.most());
     let mut next = vec![NOBODY; labels.len()];
     workers.fill(&mut next, 1, Vec::new, |counts: &mut Vec<(i32, u32)>, i, best| {
         counts.clear();
@@ -139,15 +141,18 @@ pub fn compete(
             }
         }
         counts.sort_unstable();
-        let of_all = neighbors.len() as f64;
-        let nobody = counts.iter().find(|entry| entry.0 == NOBODY).map_or(0, |entry| entry.1);
+        let nobody = match *counts.as_slice() {
+            [(NOBODY, _)] => return,
+            [(NOBODY, count), ..] => count,
+            _ => 0,
+        };
+        let log_share = |count| shares.log(count, neighbors.len());
         let room = 2.0 * graph.reach(i, points);
-        let mut best_score = (f64::from(nobody) / of_all + SHARE).ln() - room.ln();
+        let mut best_score = log_share(nobody) - room.ln();
         for &(label, count) in counts.iter().filter(|entry| entry.0 != NOBODY) {
-            let (spread, sigma) = &planes[label as usize];
+            let (spread, sigma, log_sigma) = &planes[label as usize];
             let distance = spread.distance(&points[i]) / sigma;
-            let density = distance * distance / 2.0 + (sigma * std::f64::consts::TAU.sqrt()).ln();
-            let score = (f64::from(count) / of_all + SHARE).ln() - density;
+            let score = log_share(count) - (distance * distance / 2.0 + log_sigma);
             if distance.abs() <= REACH && score > best_score {
                 best_score = score;
                 best[0] = label;
@@ -155,6 +160,27 @@ pub fn compete(
         }
     })?;
     Ok(next)
+}
+
+/// Logarithms of the shares of neighbours that a label counts with.
+struct Shares {
+    most: usize,
+    logs: Vec<f64>,
+}
+
+impl Shares {
+    /// Among up to `most` neighbours.
+    fn new(most: usize) -> Self {
+        let log = |place: usize| {
+            let (of_all, count) = (place / (most + 1), place % (most + 1));
+            (count as f64 / of_all as f64 + SHARE).ln()
+        };
+        Self { most, logs: (0..(most + 1).pow(2)).map(log).collect() }
+    }
+
+    fn log(&self, count: u32, of_all: usize) -> f64 {
+        self.logs[of_all * (self.most + 1) + count as usize]
+    }
 }
 
 /// The labels with each connected part its own, numbered by their first points.

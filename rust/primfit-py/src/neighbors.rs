@@ -59,6 +59,18 @@ impl PointTree {
         Ok((found.into_pyarray(py).reshape(shape)?, distances.into_pyarray(py).reshape(shape)?))
     }
 
+    /// The normal of the `k` points nearest to each, in the order of the tree.
+    #[pyo3(signature = (k, n_jobs=None))]
+    fn normals<'py>(
+        &self,
+        py: Python<'py>,
+        k: usize,
+        n_jobs: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let normals = door::enter(py, n_jobs, |workers| self.0.normals(k, workers))?;
+        normals.into_flattened().into_pyarray(py).reshape([self.0.points().len(), 3])
+    }
+
     /// Normal, noise, flatness and size of the plane around each point, and whether it is flat, in
     /// the order of the tree.
     #[pyo3(signature = (sigma=None, n_jobs=None))]
