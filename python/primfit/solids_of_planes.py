@@ -47,8 +47,8 @@ def detect_by_planes(
     >>> size, face = np.array([3.0, 2.0, 1.0]), np.arange(6000) % 6
     >>> points = size * np.random.default_rng(1).random((6000, 3))
     >>> points[np.arange(6000), face // 2] = face % 2 * size[face // 2]
-    >>> primfit.detect(points).solids[0].size
-    (3.0, 2.0)
+    >>> primfit.detect(points)
+    Detection(1 solid: rectangle; no arena; 6 planes; sigma 0 mm)
     """
     planes = detect_planes(
         scan,
