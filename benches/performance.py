@@ -150,20 +150,18 @@ def cloud_rows() -> list[str]:
     nearest = open3d.geometry.KDTreeSearchParamKNN(16)
     seconds = rounds(
         {
-            "neighbors": lambda: _primfit.PointTree(points).neighbors(points, 16, 1),
-            "planes": lambda: _primfit.PointTree(points).local_planes(None, 1),
-            "normals": lambda: cloud.estimate_normals(nearest),
+            "ours": partial(primfit.estimate_normals, points, 16, n_jobs=1),
+            "open3d": lambda: cloud.estimate_normals(nearest),
         },
         1,
     )
-    (neighbors, planes, normals) = (cpu for _, cpu in seconds.values())
+    ours, peer = (cpu for _, cpu in seconds.values())
     peak = peak_from_now()
     whole = rounds({"all": partial(primfit.detect_planes, points, n_jobs=1)}, 1)["all"][1]
     n = len(points)
     return [
-        f"| 16 nearest of each of {n} points | {neighbors:.1f} s | | |",
-        f"| noise, flatness and normal around each of {n} points | {planes:.1f} s | "
-        f"{normals:.1f} s (Open3D, normals alone, k = 16) | {normals / planes:.1f} |",
+        f"| normals of {n} points, k = 16 | {ours:.1f} s | {peer:.1f} s (Open3D) | "
+        f"{peer / ours:.1f} |",
         f"| `detect_planes` of {n} points, {peak():.0f} MB above the input | {whole:.1f} s | | |",
     ]
 

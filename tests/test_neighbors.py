@@ -7,6 +7,7 @@ import pytest
 import reference
 from scipy.spatial import KDTree
 
+import primfit
 from primfit import _primfit
 
 
@@ -105,3 +106,39 @@ class TestLocalPlanes:
         normals, _, _, _, is_flat = _primfit.PointTree(cloud).local_planes()
         assert is_flat.mean() > 0.9
         assert np.median(np.abs(normals[is_flat, 0])) > 0.99
+
+
+class TestNormals:
+    def test_a_slow_twin_agrees(self):
+        cloud = two_walls()
+        normals = primfit.estimate_normals(cloud, k=16)
+        rows = KDTree(cloud).query(cloud, k=16)[1]
+        for i in range(0, len(cloud), 50):
+            near = cloud[rows[i]] - cloud[rows[i]].mean(axis=0)
+            values, vectors = np.linalg.eigh(near.T @ near)
+            if values[1] > 2.0 * values[0]:
+                assert abs(normals[i] @ vectors[:, 0]) == pytest.approx(1.0, abs=1e-6)
+
+    def test_they_are_units_that_point_to_the_sensor(self):
+        cloud = np.random.default_rng(3).normal(size=(500, 3))
+        cloud /= np.linalg.norm(cloud, axis=1)[:, None]
+        normals = primfit.estimate_normals(cloud, k=12, origins=[0.0, 0.0, 0.0])
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
+        assert (np.einsum("ij,ij->i", normals, -cloud) > 0.8).all()
+
+    def test_without_a_sensor_the_largest_component_is_positive(self):
+        normals = primfit.estimate_normals(two_walls())
+        assert (normals[np.arange(len(normals)), np.abs(normals).argmax(axis=1)] > 0.0).all()
+
+    def test_threads_and_bad_input(self):
+        cloud = np.random.default_rng(4).uniform(size=(5000, 3))
+        one = primfit.estimate_normals(cloud, n_jobs=1)
+        np.testing.assert_array_equal(one, primfit.estimate_normals(cloud, n_jobs=4))
+        with pytest.raises(ValueError, match="points must be at least 3"):
+            primfit.estimate_normals(cloud[:2])
+        with pytest.raises(ValueError, match="k must"):
+            primfit.estimate_normals(cloud, k=2)
+        with pytest.raises(ValueError, match="origins"):
+            primfit.estimate_normals(cloud, origins=cloud[:7])
+        with pytest.raises(ValueError, match="points"):
+            primfit.estimate_normals(np.full((9, 3), np.nan))

@@ -11,6 +11,7 @@ from primfit.detection import Detection, FoundArena, FoundSolid, detect
 from primfit.evaluation import Report, evaluate
 from primfit.files import read_cloud, read_points, write_cloud, write_points
 from primfit.found_polyhedra import FoundPolyhedron, Polyhedra
+from primfit.normals import estimate_normals
 from primfit.paper import PaperSettings
 from primfit.paths import grid_path, waypoints
 from primfit.plane_detection import detect_planes
@@ -51,6 +52,7 @@ __all__ = [
     "dbscan",
     "detect",
     "detect_planes",
+    "estimate_normals",
     "evaluate",
     "evaluate_segmentation",
     "find_polyhedra",

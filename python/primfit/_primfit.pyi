@@ -84,6 +84,7 @@ class PointTree:
     def neighbors(
         self, queries: NDArray[np.float64], k: int, n_jobs: int | None = None
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]: ...
+    def normals(self, k: int, n_jobs: int | None = None) -> NDArray[np.float64]: ...
     def local_planes(
         self, sigma: NDArray[np.float64] | None = None, n_jobs: int | None = None
     ) -> tuple[

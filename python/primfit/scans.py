@@ -115,7 +115,7 @@ class Scan:
         """
         unit = unit_rows("directions", directions)
         n = len(unit)
-        starts = _one_or_each("origins", origins, n)
+        starts = one_or_each("origins", origins, n)
         lengths = np.array(as_column("ranges", ranges, n))
         if np.ndim(ranges) == 0 and n != 1:
             raise ValueError(f"ranges must have shape ({n},), not ()")
@@ -177,7 +177,7 @@ class Scan:
                 ranges=unknown[:, 0],
                 sigma=as_sigma(sigma, n),
             )
-        starts = _one_or_each("origins", origins, n)
+        starts = one_or_each("origins", origins, n)
         ranges = np.linalg.norm(cloud - starts, axis=1)
         if not ranges.all():
             raise ValueError(
@@ -289,7 +289,8 @@ class Scan:
         return f"Scan({beams}{poses}, {n} return{'s' * (n != 1)}{sigma})"
 
 
-def _one_or_each(name: str, values: ArrayLike, n: int) -> Floats:
+def one_or_each(name: str, values: ArrayLike, n: int) -> Floats:
+    """One place for all, or one each, as rows (n, 3)."""
     array = np.asarray(values)
     if array.shape == (3,):
         array = np.broadcast_to(array, (n, 3))
