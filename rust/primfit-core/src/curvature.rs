@@ -6,7 +6,7 @@ use nalgebra::{SMatrix, SVector};
 
 /// Turn of the normal from side to side, radians, from which points are on a curved surface, if
 /// with this evidence.
-const BENT: f64 = 0.15;
+const BENT: f64 = 0.2;
 const CURVED: f64 = 16.0;
 
 /// How much a surface bends.
