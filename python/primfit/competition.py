@@ -22,7 +22,7 @@ _OUT = 0.1
 _ROUGH = 8
 """One beam in so many is enough to tell kinds roughly apart."""
 
-_SOME = 2
+_SOME = 4
 """One beam in so many is enough to tell which ones are worth sampling."""
 
 _BLUR = 0.05
@@ -154,6 +154,7 @@ def compete(scene: Scene, i: int, body: Body) -> Body:
     some, size = beams.thinned(_SOME, 0.0), float(np.sqrt(seed.area))
     fits = [approach(some, fit.shape, fit.parameters, top.z, size) for fit in fits]
     fits = _sorted_within(scene, seed, fits)
+    fits = [fit for fit in fits if fit.cost <= fits[0].cost + 2.0 * _BEHIND]
     return as_body(fits, find_top(beams, fits[0].footprint), seed)
 
 
@@ -244,10 +245,8 @@ def weigh(scene: Scene, i: int, body: Body, rng: np.random.Generator) -> Body:
     relatives = [climb(beams, *start, top.z) for start in kin(best.shape, best.parameters)]
     strangers = [Contender(fit, top, -fit.cost) for fit in relatives if fit.shape not in shapes]
     starts = [*body.contenders, *strangers]
-    if len(starts) > 1:
-        starts = [_sampled(scene, beams, each, 1, rng, QUICK) for each in starts]
-    winner = max(starts, key=lambda each: each.evidence)
-    winner = _sampled(scene, beams, winner, 1, rng, THOROUGH)
+    rivals = [_sampled(scene, beams, each, 1, rng, THOROUGH) for each in starts]
+    winner = max(rivals, key=lambda each: each.evidence)
     return Body((replace(winner, fit=_longest_first(winner.fit)),), body.seed)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from primfit._check import Floats
 from primfit.beams import Beams, Local
@@ -22,7 +23,7 @@ _BLUR = 0.05
 _SHARPENING = 3.0
 """By how much the standard deviation falls from one climb to the next."""
 
-_LEAST_GAIN = 1e-3
+_LEAST_GAIN = 1e-2
 """Log-likelihood that a step must promise to be worth taking."""
 
 _LEAST_TOLD = 1e-5
@@ -103,11 +104,11 @@ def climb(beams: Beams, shape: Shape, start: Floats, top: float, *, steps: int =
         damped = information.copy()
         diagonal = np.einsum("ii->i", damped)
         diagonal += damping * (diagonal + 1e-12 * diagonal.sum() + 1e-300)
-        step = -np.linalg.solve(damped, gradient)
-        if -0.5 * float(step @ gradient) < _LEAST_GAIN:
+        _, descent, is_singular = dposv(damped, gradient)
+        if 0.5 * float(descent @ gradient) < _LEAST_GAIN and not is_singular:
             break
-        moved = parameters + step
-        if shape.is_proper(moved[None])[0]:
+        moved = parameters - descent
+        if not is_singular and shape.is_proper(moved[None])[0]:
             better = _expand(beams, shape, moved, top)
             if better[0] < cost:
                 parameters, damping = moved, damping / 10.0

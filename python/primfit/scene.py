@@ -12,7 +12,7 @@ from primfit._check import Bools, Floats, Ints
 from primfit.beams import Beams, Noise
 from primfit.casting import RayCaster
 from primfit.scans import Scan
-from primfit.solids import Prism
+from primfit.solids import prism_triangles, prism_vertices
 from primfit.worlds import FLOOR, NOTHING
 
 _SOME = 4
@@ -51,10 +51,10 @@ class Obstacle:
 
     @cached_property
     def _unit(self) -> tuple[Floats, Ints, Ints]:
-        vertices, triangles = Prism(self.footprint, 1.0).to_mesh()
-        m = len(vertices) // 2
+        vertices = prism_vertices(self.footprint, 0.0, 1.0)
+        m = len(self.footprint)
         faces = np.concatenate([np.tile(np.arange(m), 2), np.repeat([m + 1, m], m - 2)])
-        return vertices, triangles, faces
+        return vertices, prism_triangles(self.footprint), faces
 
     def mesh(self, base: float) -> tuple[Floats, Ints, Ints]:
         """Vertices (2m, 3), triangles (t, 3) and the face of each: walls, top (m), bottom."""

@@ -94,7 +94,7 @@ class Template:
     def footprints(self, parameters: Floats) -> Floats:
         """Corners (n, m, 2) for parameters (n, n_parameters or more)."""
         x, y, angle = parameters[:, :3].T
-        corners = parameters[:, 3 : 3 + self.n_sizes] @ self.axes
+        corners = self._along(parameters[:, 3 : 3 + self.n_sizes])
         corners = corners * np.exp(1j * angle)[:, None] + (x + 1j * y)[:, None]
         return corners.view(np.float64).reshape(*corners.shape, 2)
 
@@ -103,9 +103,13 @@ class Template:
         turn = np.exp(1j * parameters[2])
         rows = np.empty((self.n_parameters, self.axes.shape[1]), dtype=np.complex128)
         rows[0], rows[1] = 1.0, 1.0j
-        rows[2] = parameters[3 : 3 + self.n_sizes] @ self.axes * (1j * turn)
+        rows[2] = self._along(parameters[3 : 3 + self.n_sizes]) * (1j * turn)
         rows[3:] = self.axes * turn
         return rows.view(np.float64).T
+
+    def _along(self, sizes: Floats) -> np.ndarray:
+        """Corners (..., m) complex128 at angle zero about the origin for sizes (..., n_sizes)."""
+        return (sizes @ self.axes.view(np.float64)).view(np.complex128)
 
     def is_proper(self, parameters: Floats) -> Bools:
         """Which parameters (n, d) are of this kind: positive sizes.
