@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import primfit
 from primfit import plotting
@@ -51,6 +52,27 @@ def test_tilted_solids_in_one_call(seed, as_cloud):
     assert row.center_error_mm < 5.0 * size
     assert row.angle_error_deg < 0.5
     assert not found.shells
+
+
+def test_covariances_are_honest():
+    distances = []
+    for seed in range(2000, 2024):
+        world, scan, _ = scanned(seed)
+        (found,) = primfit.detect(scan, method="planes").solids
+        (truth,) = world.solids
+        assert found.kind == truth.kind
+        assert len(found.sigmas) == len(found.covariance)
+        turn = Rotation.from_quat(truth.quat_xyzw) * Rotation.from_quat(found.quat_xyzw).inv()
+        turns = Rotation.from_matrix(truth.symmetry) * turn
+        off = [
+            truth.center - found.center,
+            turns[int(turns.magnitude().argmin())].as_rotvec(),
+            np.atleast_1d(truth.size) - found.size,
+        ]
+        off = np.concatenate(off)
+        distances.append(off @ np.linalg.pinv(found.covariance) @ off / len(off))
+    # The mean of 24 times some 9 squares of standard normal numbers.
+    assert 0.7 < np.mean(distances) < 1.4
 
 
 def test_what_becomes_of_them(tmp_path):

@@ -7,12 +7,18 @@ import numpy as np
 import shapely
 from scipy.spatial.transform import Rotation
 
-from primfit._check import Ints
+from primfit._check import Floats, Ints, frozen
 from primfit.adjacency import OPEN, Face, Side
 from primfit.found_polyhedra import EQUAL, FoundPolyhedron
 from primfit.joint_fit import fitted, fitted_together, scatter_of
 from primfit.polyhedron import Polyhedron
-from primfit.shapes import shape_of
+from primfit.shapes import Shape, shape_of
+
+_EDGE = 4.0
+"""Standard deviations from the plane of a neighbour within which a point may be its own."""
+
+_STEP = 1e-6
+"""By which vertices are moved to see how a shape follows, relative to the size."""
 
 
 def _oriented(group: list[int], faces: list[Face], graph: nx.Graph) -> dict[int, bool] | None:
@@ -43,7 +49,7 @@ def closed_solid(group: list[int], faces: list[Face], graph: nx.Graph) -> FoundP
         [row[side.neighbor] if graph.has_edge(i, side.neighbor) else OPEN for side in each]
         for i, each in zip(group, sides, strict=True)
     ]
-    scatters = [scatter_of(faces[i].points, max(faces[i].rms, 1e-9)) for i in group]
+    scatters = [scatter_of(_inner(i, faces, graph), max(faces[i].rms, 1e-9)) for i in group]
     equations = [faces[i].equation for i in group]
     planes = list(group)
     vague = 0.0
@@ -86,7 +92,7 @@ def closed_solid(group: list[int], faces: list[Face], graph: nx.Graph) -> FoundP
     corners = _corners(cycles)
     if corners is None:
         return None
-    vertices = fitted_together(np.array(equations), np.array(scatters), corners)
+    vertices, spread = fitted_together(np.array(equations), np.array(scatters), corners)
     for i, corner in zip(group, corners, strict=False):
         flat = shapely.points(vertices[corner] @ faces[i].axes)
         if (shapely.distance(faces[i].polygon, flat) > 3.0 * faces[i].reach).any():
@@ -97,7 +103,8 @@ def closed_solid(group: list[int], faces: list[Face], graph: nx.Graph) -> FoundP
         return None
     # Where sides end is known to a third of the slack, and so is a face that only they tell.
     extent = float(np.ptp(solid.vertices, axis=0).max())
-    shape = shape_of(solid.vertices, solid.faces, max(EQUAL, 2.0 / 3.0 * vague / extent))
+    tolerance = max(EQUAL, 2.0 / 3.0 * vague / extent)
+    shape = shape_of(solid.vertices, solid.faces, tolerance)
     return FoundPolyhedron(
         kind=shape.kind,
         vertices=solid.vertices,
@@ -107,7 +114,33 @@ def closed_solid(group: list[int], faces: list[Face], graph: nx.Graph) -> FoundP
         size=shape.size,
         quat_xyzw=Rotation.from_matrix(shape.rotations[0]).as_quat(canonical=True),
         footprint=shape.footprint,
+        covariance=frozen(_covariance(solid, shape, spread, tolerance)),
     )
+
+
+def _inner(i: int, faces: list[Face], graph: nx.Graph) -> Floats:
+    """Points of a face away from its neighbours, which take those on one side near an edge."""
+    points = faces[i].points
+    inside = np.ones(len(points), dtype=bool)
+    for other in (faces[j] for j in graph[i]):
+        inside &= np.abs(points @ other.equation[:3] + other.equation[3]) > _EDGE * other.rms
+    inner = points[inside]
+    return inner if len(inner) > len(points) / 2 else points
+
+
+def _covariance(solid: Polyhedron, shape: Shape, spread: Floats, tolerance: float) -> Floats:
+    """Covariance of centre, rotation and sizes, from that of the vertices."""
+    step = _STEP * float(np.ptp(solid.vertices, axis=0).max())
+    turn = Rotation.from_matrix(shape.rotations[0]).inv()
+    columns = []
+    for move in np.eye(solid.vertices.size).reshape(-1, *solid.vertices.shape):
+        moved = shape_of(solid.vertices + step * move, solid.faces, tolerance)
+        turns = Rotation.from_matrix(moved.rotations) * turn
+        sizes = np.atleast_1d(moved.size) - np.atleast_1d(shape.size)
+        turned = turns[int(turns.magnitude().argmin())].as_rotvec()
+        columns.append(np.concatenate([step * move.mean(axis=0), turned, sizes]) / step)
+    jacobian = np.column_stack(columns)
+    return jacobian @ spread @ jacobian.T
 
 
 def _rims_joined(i: int, sides: list[Side], graph: nx.Graph) -> list[Side]:

@@ -33,6 +33,9 @@ class FoundPolyhedron(FlatFaced):
         Which faces have points. Others were never seen: the seen ones end in one plane all around.
     size, quat_xyzw, footprint
         As those of `Polyhedron`.
+    covariance : (6 + s, 6 + s) float64
+        Of x, y, z of the centre, metres, of a small rotation about the axes of the world, radians,
+        and of the s sizes, from the distances of the points to their planes.
     """
 
     kind: str
@@ -43,6 +46,15 @@ class FoundPolyhedron(FlatFaced):
     size: float | tuple[float, ...]
     quat_xyzw: Floats
     footprint: Floats | None
+    covariance: Floats
+
+    @property
+    def sigmas(self) -> dict[str, float]:
+        """Standard deviations by name: metres, and radians for the rotation."""
+        names = [f"{what}_{axis}" for what in ("center", "rotation") for axis in "xyz"]
+        names += ["size", "size_2", "size_3"]
+        deviations = np.sqrt(np.diag(self.covariance)).tolist()
+        return dict(zip(names, deviations, strict=False))
 
     @property
     def angle(self) -> float:
@@ -73,6 +85,7 @@ class FoundPolyhedron(FlatFaced):
             "centroid": self.centroid.tolist(),
             "size": self.size,
             "quat_xyzw": self.quat_xyzw.tolist(),
+            "sigmas": self.sigmas,
             "vertices": self.vertices.tolist(),
             "faces": [face.tolist() for face in self.faces],
             "planes": list(self.planes),

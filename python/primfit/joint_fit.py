@@ -20,11 +20,14 @@ def fitted(points: Floats) -> Floats:
     return np.append(normal, -normal @ center)
 
 
-def fitted_together(equations: Floats, scatters: Floats, corners: list[Ints]) -> Floats:
-    """Vertices (v, 3) of the planes of least squares that meet in the corners.
+def fitted_together(
+    equations: Floats, scatters: Floats, corners: list[Ints]
+) -> tuple[Floats, Floats]:
+    """Vertices (v, 3) of the planes of least squares that meet in the corners, and covariance.
 
     Sequential quadratic programming: planes and vertices are free, a plane of each face through
-    each of its corners is the constraint.
+    each of its corners is the constraint. The covariance (3v, 3v) of the vertices is theirs in the
+    inverse of the last system (Fletcher, Practical Methods of Optimization, 1987, section 10.1).
     """
     n_planes, n_vertices = len(equations), 1 + max(int(each.max()) for each in corners)
     face = np.repeat(np.arange(n_planes), [len(each) for each in corners])
@@ -34,6 +37,7 @@ def fitted_together(equations: Floats, scatters: Floats, corners: list[Ints]) ->
         met = equations[face[corner == v]]
         vertices[v] = np.linalg.lstsq(met[:, :3], -met[:, 3], rcond=None)[0]
     n_free, n_meet = 4 * n_planes + 3 * n_vertices, len(face)
+    unit = np.trace(scatters[0])
     rows, planes = np.arange(n_meet), np.arange(n_planes)
     for _ in range(20):
         system = np.zeros((n_free + n_meet + n_planes,) * 2)
@@ -46,7 +50,7 @@ def fitted_together(equations: Floats, scatters: Floats, corners: list[Ints]) ->
         jacobian[rows, 4 * face + 3] = 1.0
         for k, (equation, scatter) in enumerate(zip(equations, scatters, strict=True)):
             block = slice(4 * k, 4 * k + 4)
-            system[block, block] = scatter / np.trace(scatters[0])
+            system[block, block] = scatter / unit
             target[block] = -system[block, block] @ equation
         system[n_free:, :n_free], system[:n_free, n_free:] = jacobian, jacobian.T
         misfit = np.einsum("ij,ij->i", equations[face, :3], vertices[corner]) + equations[face, 3]
@@ -57,4 +61,6 @@ def fitted_together(equations: Floats, scatters: Floats, corners: list[Ints]) ->
         vertices = vertices + step[4 * n_planes : n_free].reshape(-1, 3)
         if max(np.abs(misfit).max(), np.abs(step[:n_free]).max()) <= 1e-11 * np.abs(vertices).max():
             break
-    return vertices
+    moving = slice(4 * n_planes, n_free)
+    covariance: Floats = np.linalg.pinv(system, rcond=1e-14, hermitian=True)[moving, moving] / unit
+    return vertices, covariance

@@ -68,7 +68,10 @@ def shape_of(vertices: Floats, faces: Faces, tolerance: float = TOLERANCE) -> Sh
     rotations = frames[[np.abs(word - last).max() <= tolerance for word in words]]
     turns = np.rint(Rotation.from_matrix(rotations).magnitude() / tolerance)
     rotations = rotations[np.argsort(turns, kind="stable")]
-    extents = np.sort(np.ptp(vertices @ rotations[0], axis=0))[::-1]
+    own = vertices @ rotations[0]
+    is_box = kind in ("box", "cube")
+    # Half of the vertices of a box are on either side: their mean is less noisy than the extremes.
+    extents = np.sort(2.0 * np.abs(own).mean(axis=0) if is_box else np.ptp(own, axis=0))[::-1]
     if footprint is not None:
         footprint = footprint + center[:2]
         size: float | tuple[float, ...] = footprints.size_of(footprint, kind)
