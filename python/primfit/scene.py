@@ -239,7 +239,7 @@ class Scene:
         before = (along - radius) / level < background
         return self.beams(rows[before], background[before])
 
-    def beams(self, rows: Ints, background: Floats) -> Beams:
+    def beams(self, rows: Any, background: Floats) -> Beams:
         """Some beams with what they meet."""
         scan = self.scan
         arrays = scan.origins[rows], scan.directions[rows], scan.ranges[rows], background

@@ -29,8 +29,11 @@ _CONTAMINATED = 4.0
 
 def find_room(scene: Scene, free: Floats) -> Fit | None:
     """The rectangle around the free space (n, 2), if walls explain the scan better than none."""
-    hull = shapely.MultiPoint(free).convex_hull
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(hull))[:4]
+    if len(free) < 3:
+        return None
+    # A line through all has their hull too, and is made much faster than a set of points.
+    around = shapely.minimum_rotated_rectangle(shapely.linestrings(free))
+    corners = shapely.get_coordinates(around)[:4]
     if len(corners) < 4:
         return None
     sides = np.diff(corners, axis=0)[:2]
@@ -66,7 +69,7 @@ def survey(
     """
     if room is not None:
         scene.room = None
-        beams = scene.beams(np.arange(len(scene.scan)), scene.background())
+        beams = scene.beams(slice(None), scene.background())
         strides = _STRIDES[-1:] if again else _STRIDES
         if not again:
             some = beams.thinned(strides[0], 0.0)
