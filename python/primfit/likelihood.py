@@ -102,7 +102,7 @@ def detect_likelihood(
     rng = np.random.default_rng(rng)
     threads = n_jobs_or_none(n_jobs)
     rows = np.flatnonzero(scan.is_return)
-    check_enough(rows)
+    check_enough(len(rows))
 
     # Noise and floor, roughly.
     given = scan.sigma if sigma is None else as_sigma(sigma, len(scan))

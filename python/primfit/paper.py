@@ -178,7 +178,7 @@ def detect_paper(
     wanted = Orientation.of(orientation, max_angle)
     rng = np.random.default_rng(rng)
     rows = np.flatnonzero(scan.is_return & ~(scan.points[:, 2] < how.z_low))
-    check_enough(rows)
+    check_enough(len(rows))
     cloud, used_sigma = noisy_points(
         scan,
         rows,

@@ -102,19 +102,21 @@ def detect_planes(
     offset = scan.far_offset
     scan = scan.moved(-offset)
     wanted = Orientation.of(orientation, max_angle)
-    rows = np.flatnonzero(scan.is_return)
-    check_enough(rows)
+    returns = scan.is_return
+    n_returns = int(returns.sum())
+    check_enough(n_returns)
     given = scan.sigma if sigma is None else as_sigma(sigma, len(scan))
     limit = None if threshold is None else number("threshold", threshold, above=0.0)
     least = 3 if min_points is None else integer("min_points", min_points, low=3)
     n_jobs = n_jobs_or_none(n_jobs)
-    noise = None if given is None else np.broadcast_to(np.asarray(given, float), len(scan))[rows]
+    noise = None if given is None else np.broadcast_to(np.asarray(given, float), len(scan))[returns]
     if limit is not None:
-        noise = np.full(len(rows), limit / SIGMAS)
+        noise = np.full(n_returns, limit / SIGMAS)
     if noise is not None and not noise.any():
         noise = None
-    cloud = scan.points if len(rows) == len(scan) else scan.points[rows]
+    cloud = scan.points if n_returns == len(scan) else scan.points[returns]
     parts = flat_parts(cloud, noise, n_jobs)
+    rows = np.flatnonzero(returns)
     directions = np.ascontiguousarray(scan.directions[rows]) if scan.has_origins else None
     members = _members(parts.labels)
     planes: list[Plane] = []

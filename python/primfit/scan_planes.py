@@ -22,11 +22,11 @@ SIGMAS = 3.0
 """Standard deviations within which a point counts as an inlier."""
 
 
-def check_enough(rows: Ints) -> None:
+def check_enough(n_returns: int) -> None:
     """Refuse clouds without a plane's worth of points."""
-    if len(rows) < 3:
+    if n_returns < 3:
         raise ValueError(
-            f"points must hold at least 3 returns, since a plane needs as many, not {len(rows)}"
+            f"points must hold at least 3 returns, since a plane needs as many, not {n_returns}"
         )
 
 

@@ -15,8 +15,10 @@ const AT_ONCE: usize = 1 << 15;
 /// Neighbours of the points of a tree, in its order.
 pub struct Graph {
     n_nearest: usize,
-    /// Where the neighbours of each point start, and where those of the last one end.
-    starts: Vec<usize>,
+    /// Where the neighbours start of each group of `AT_ONCE` points.
+    groups: Vec<usize>,
+    /// Where, within them, those of each point start, and where those of the last one end.
+    starts: Vec<u32>,
     places: Vec<u32>,
 }
 
@@ -37,7 +39,9 @@ impl Graph {
         let n_nearest = n_nearest.min(points.len().saturating_sub(1)).max(1);
         let n_looked_at = n_looked_at.max(n_nearest) + 1;
         let width = n_nearest + BRIDGES;
-        let mut starts = Vec::with_capacity(points.len() + 1);
+        let n_groups = points.len().div_ceil(AT_ONCE);
+        let mut groups = Vec::with_capacity(n_groups);
+        let mut starts = Vec::with_capacity(points.len() + n_groups);
         let mut places = Vec::new();
         let mut table = Vec::new();
         for first in (0..points.len()).step_by(AT_ONCE) {
@@ -52,18 +56,22 @@ impl Graph {
                     join(points, place, vicinity.nearest(place, n_looked_at), n_nearest, row);
                 },
             )?;
+            let group = places.len();
+            groups.push(group);
             for row in table.chunks(width) {
-                starts.push(places.len());
+                starts.push((places.len() - group) as u32);
                 places.extend(row.iter().take_while(|&&other| other != NONE));
             }
+            starts.push((places.len() - group) as u32);
         }
-        starts.push(places.len());
-        Ok(Self { n_nearest, starts, places })
+        Ok(Self { n_nearest, groups, starts, places })
     }
 
     /// Neighbours of a point; the nearest first.
     pub fn of(&self, place: usize) -> &[u32] {
-        &self.places[self.starts[place]..self.starts[place + 1]]
+        let number = place / AT_ONCE;
+        let [group, at] = [self.groups[number], number + place];
+        &self.places[group + self.starts[at] as usize..group + self.starts[at + 1] as usize]
     }
 
     /// Most neighbours that a point may have.
