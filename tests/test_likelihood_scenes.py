@@ -43,6 +43,21 @@ def test_two_squares_two_centimetres_apart(noise):
     assert max(row.center_error_mm for row in report.rows) < 1.5
 
 
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_solids_seen_from_one_side(noise):
+    rng = np.random.default_rng(5)
+    kinds = ["triangle", "square", "rectangle", "pentagon"]
+    world = primfit.random_world((3, 4), 2.0, kinds, rng)
+    path = primfit.grid_path(world, 0.08, rng=rng)
+    near = path[path[:, 1] < world.bounds[0][1] + 0.2]
+    scan = primfit.scan(world, near, primfit.Lidar(noise=noise), rng=rng)
+    found = primfit.detect(scan, rng=1)
+    assert primfit.evaluate(found, world).all_right
+    # Walls, bottom and top: the bottom is never seen, nor are the backs of three of the four.
+    n_hidden = [len(solid.faces) - sum(solid.observed) for solid in found.solids]
+    assert sorted(n_hidden)[1] >= 3
+
+
 def test_a_crowd():
     world = primfit.random_world(12, 2.5, rng=31)
     report = primfit.evaluate(primfit.detect(scanned(world, 0.05, 31, 0.25), rng=1), world)
