@@ -48,6 +48,8 @@ class Seed:
     area : float, square metres
     outline : (m, 2) float64, metres
         Counter-clockwise, along the cells.
+    cell : float, metres
+        Size of the cells that it is made of: it lacks those that a solid fills in part.
     parts : tuple of Seed
         What it falls into where it is cut at its necks, if it may be several solids.
     """
@@ -55,13 +57,15 @@ class Seed:
     center: Floats
     area: float
     outline: Floats
+    cell: float
     parts: tuple[Seed, ...] = ()
 
     @classmethod
-    def of_outline(cls, outline: Floats) -> Seed:
+    def of_outline(cls, outline: Floats, cell: float = 0.0) -> Seed:
         """The inside of a polygon (m, 2), counter-clockwise."""
         polygon = shapely.Polygon(outline)
-        return cls(shapely.get_coordinates(polygon.centroid)[0], float(polygon.area), outline)
+        center = shapely.get_coordinates(polygon.centroid)[0]
+        return cls(center, float(polygon.area), outline, cell)
 
     @property
     def hull(self) -> Floats:
@@ -78,7 +82,9 @@ class Seed:
         line = shapely.LineString([self.center - short, self.center + short])
         pieces = shapely.ops.split(shapely.Polygon(self.outline), line).geoms
         return tuple(
-            Seed.of_outline(shapely.get_coordinates(shapely.orient_polygons(piece).exterior)[:-1])
+            Seed.of_outline(
+                shapely.get_coordinates(shapely.orient_polygons(piece).exterior)[:-1], self.cell
+            )
             for piece in pieces
         )
 
@@ -163,6 +169,7 @@ class Carving:
             center=self.low + self.cell * (corner + center),
             area=float(outline.area) * self.cell**2,
             outline=self.low + self.cell * (corner + ring),
+            cell=self.cell,
             parts=parts,
         )
 

@@ -17,7 +17,7 @@ from primfit.scene import Obstacle, Scene
 from primfit.templates import RECTANGLE, TEMPLATES, Shape, Template, kin
 
 _OUT = 0.1
-"""How far a solid may leave its seed, as a fraction of the seed's size and of its area."""
+"""How far a solid may leave its seed, beyond a cell, as a fraction of the seed's size and area."""
 
 _ROUGH = 8
 """One beam in so many is enough to tell kinds roughly apart."""
@@ -180,7 +180,7 @@ def _sorted_within(scene: Scene, seed: Seed, fits: list[Fit]) -> list[Fit]:
     Those that leave it explain what another solid should explain. When all do, the one that leaves
     it least stays.
     """
-    place = shapely.Polygon(seed.hull).buffer(_OUT * float(np.sqrt(seed.area)))
+    place = shapely.Polygon(seed.hull).buffer(_OUT * float(np.sqrt(seed.area)) + seed.cell)
     if scene.room is not None:
         place = place.intersection(shapely.Polygon(scene.room))
     outlines = [shapely.make_valid(shapely.Polygon(fit.footprint)) for fit in fits]

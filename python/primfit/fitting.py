@@ -240,11 +240,12 @@ def settle(
         mean, covariance = np.append(mean, top.z), np.pad(covariance, (0, 1))
         covariance[d, d] = top.sigma**2 + (_RISE * fit.corner_sigma) ** 2
     for _ in range(_ROUNDS):
-        widest = _WIDEST * float(np.ptp(fit.footprint, axis=0).max())
-        slack = min(_MARGIN * fit.corner_sigma, widest)
-        top_slack = min(_MARGIN * float(np.sqrt(covariance[d, d])), widest) if is_known else 0.0
+        extent = float(np.ptp(fit.footprint, axis=0).max())
+        slack = min(_MARGIN * fit.corner_sigma, _WIDEST * extent)
+        top_slack = _MARGIN * float(np.sqrt(covariance[d, d])) if is_known else 0.0
+        top_slack = min(top_slack, _WIDEST * extent)
         if len(beams) <= _CAST:
-            slack = top_slack = np.inf
+            slack = top_slack = extent
         local = beams.around(fit.footprint, top.z, slack, top_slack)
 
         def cost(parameters: Floats, local: Local = local) -> Floats:
