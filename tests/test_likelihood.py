@@ -15,9 +15,9 @@ from primfit.beams import Noise
 from primfit.evolution import evolve
 from primfit.fitting import approach, climb, find_top, settle
 from primfit.noise import estimate_range_sigma
-from primfit.sampling import Effort, sample
+from primfit.sampling import QUICK, Effort, sample
 from primfit.scene import Obstacle, Scene
-from primfit.templates import RECTANGLE, SQUARE, STARS, TEMPLATES, FreePolygon, kin
+from primfit.templates import RECTANGLE, REGULAR, SQUARE, STARS, TEMPLATES, FreePolygon, kin
 
 ROOM = primfit.World([], primfit.Arena((1, 1)))
 
@@ -299,6 +299,28 @@ def test_the_posterior_is_as_wide_as_its_errors(noise):
     # Of 40, 33 or fewer inside would be rarer than one in ten thousand.
     assert sum(level <= 0.95 for level in levels) >= 34
     assert 8 <= sum(level <= 0.5 for level in levels) <= 32
+
+
+def test_a_kind_that_is_wrong_does_not_flee_from_its_beams():
+    """Where any pentagon explains less than nothing would."""
+    solid = primfit.Prism.regular(4, 0.2, center=(0.5, 0.5), height=0.2)
+    _, beams = scene_of(solid, 0.0)
+    few = beams.some(16)
+    start = np.array([0.5, 0.5, 0.0, 0.12])
+    fit = climb(few, REGULAR[5], start, 0.2)
+    top = find_top(few, solid.footprint)
+    fit, _, found = settle(few, fit, top, np.random.default_rng(1), QUICK)
+    assert np.linalg.norm(fit.parameters[:2] - start[:2]) < 0.5
+    assert found.log_evidence < -100.0
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+@pytest.mark.parametrize("n_corners", [3, 4, 5])
+def test_small_solids_that_hardly_leave_a_seed(n_corners, noise):
+    size = 0.12 / np.sqrt(n_corners)
+    solid = primfit.Prism.regular(n_corners, size, center=(0.5, 0.5), angle=0.1, height=0.2)
+    world = primfit.World([solid], ROOM.arena)
+    assert primfit.evaluate(primfit.detect(scanned(world, noise, 1), rng=1), world).all_right
 
 
 @pytest.mark.parametrize(("noise", "most_mm"), [(0.0, 0.01), (0.05, 0.4), (0.2, 0.6)])

@@ -27,7 +27,7 @@ _LOSSES = 1.5
 _CELLS = 100
 """Cells that the sensor sees far."""
 
-_LEAST_CELLS = 16
+_LEAST_CELLS = 9
 """Cells of the smallest seed."""
 
 
@@ -145,7 +145,7 @@ class Carving:
     def seeds(self, within: Bools) -> list[Seed]:
         """Connected pieces that are crossed but not free, without those of a few cells."""
         occupied = (self.crossed > 0) & ~self.is_free & within
-        labels, _ = ndimage.label(ndimage.binary_opening(occupied, iterations=2))
+        labels, _ = ndimage.label(ndimage.binary_opening(occupied))
         seeds = []
         for number, window in enumerate(ndimage.find_objects(labels), start=1):
             piece = labels[window] == number

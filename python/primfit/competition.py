@@ -165,13 +165,10 @@ def _rough_fit(beams: Beams, template: Template, seed: Seed, top: float) -> Fit:
 
 
 def _around(scene: Scene, i: int, seed: Seed, footprint: Floats) -> tuple[Beams, Top, Beams]:
-    """Beams around a seed, the top over a footprint there, and some of the beams, blurred."""
+    """Beams around a seed, the top over a rough footprint, and some of the beams, blurred."""
     beams = scene.near(seed.center, 1.3 * seed.radius, without=i)
-    return (
-        beams,
-        find_top(beams, footprint),
-        beams.thinned(_ROUGH, _BLUR * float(np.sqrt(seed.area))),
-    )
+    blur = _BLUR * float(np.sqrt(seed.area))
+    return beams, find_top(beams.thinned(_SOME, blur), footprint), beams.thinned(_ROUGH, blur)
 
 
 def _sorted_within(scene: Scene, seed: Seed, fits: list[Fit]) -> list[Fit]:

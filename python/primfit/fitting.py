@@ -170,7 +170,7 @@ def find_top(beams: Beams, footprint: Floats) -> Top:
         beams.noise.costs(ranges[crossing], expected[crossing], sigma[crossing])
         for expected in (depths, background)
     ]
-    costs = np.concatenate([[0.0], np.cumsum(cost[0] - cost[1])])
+    costs = beams.stride * np.concatenate([[0.0], np.cumsum(cost[0] - cost[1])])
     if costs[-1] - costs.min() < _UNKNOWN:
         return Top(max(float(heights[-1]), sensor) + 1e-3 * beams.noise.reach, np.nan)
     widths = np.diff(heights)

@@ -48,8 +48,8 @@ class Effort:
     wanted: float
 
     def n_draws(self, n_parameters: int) -> int:
-        """Draws for a posterior of many parameters, as many more as these are more than few."""
-        return self.n * self.generations * n_parameters // FEW
+        """Draws for a posterior of many parameters: chains and steps grow with their number."""
+        return self.n * self.generations * n_parameters**2 // FEW**2
 
 
 QUICK = Effort(n=96, generations=8, wanted=40.0)
