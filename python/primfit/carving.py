@@ -30,6 +30,9 @@ _CELLS = 100
 _LEAST_CELLS = 9
 """Cells of the smallest seed."""
 
+_CROSSINGS, _ENOUGH = 10, 400
+"""Beams that must have crossed each cell of a seed on average, or all together: few may all have
+ended before."""
 
 _SMOOTHING = 1.0
 """Cells by which an outline may be off the steps of its cells."""
@@ -143,13 +146,15 @@ class Carving:
         return covered
 
     def seeds(self, within: Bools) -> list[Seed]:
-        """Connected pieces that are crossed but not free, without those of a few cells."""
+        """Connected pieces that are crossed but not free, without tiny or hardly crossed ones."""
         occupied = (self.crossed > 0) & ~self.is_free & within
         labels, _ = ndimage.label(ndimage.binary_opening(occupied))
         seeds = []
         for number, window in enumerate(ndimage.find_objects(labels), start=1):
             piece = labels[window] == number
-            if piece.sum() >= _LEAST_CELLS:
+            n_cells, n_crossings = piece.sum(), self.crossed[window][piece].sum()
+            is_crossed = n_crossings >= min(_CROSSINGS * n_cells, _ENOUGH)
+            if n_cells >= _LEAST_CELLS and is_crossed:
                 corner = np.array([side.start for side in window])
                 parts = tuple(self._seed(part, corner) for part in _cut_at_necks(piece))
                 seeds.append(self._seed(piece, corner, parts if len(parts) > 1 else ()))

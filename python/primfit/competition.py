@@ -49,6 +49,9 @@ _BEHIND = 1500.0
 _LOST = 20.0
 """Log-likelihood by which the best draw with few beams may be behind to be sampled with more."""
 
+_AWAY = 2.0
+"""How far corners may be from the centre of a body, in its radius."""
+
 _LEVELS = ((16, 4), (1,))
 """One beam in so many by which bodies are sampled, in passes: neighbours are known better by the
 second."""
@@ -216,7 +219,8 @@ def _compete_again(
     if not starts:
         top = find_top(beams, body.footprint)
         fits = [each.fit for each in body.contenders]
-        fits = [climb(beams, fit.shape, fit.parameters, top.z) for fit in fits]
+        climbs = [climb(beams, fit.shape, fit.parameters, top.z) for fit in fits]
+        fits = [fit for fit in climbs if _is_around(fit, body.obstacle)] or fits
         least = min(fit.cost for fit in fits)
         fits = with_kin(beams, fits, top.z)
         starts = [Contender(fit, top, -fit.cost) for fit in fits if fit.cost <= least + _BEHIND]
@@ -259,6 +263,12 @@ def _longest_first(fit: Fit) -> Fit:
 def _near(scene: Scene, i: int, body: Body) -> Beams:
     place = body.obstacle
     return scene.near(place.center, 1.2 * place.radius, without=i)
+
+
+def _is_around(fit: Fit, place: Obstacle) -> bool:
+    """Whether a fit is where the beams near a place tell of it: some climb into nowhere."""
+    away = np.linalg.norm(fit.footprint - place.center, axis=1).max()
+    return bool(away < _AWAY * place.radius)
 
 
 def _sampled(

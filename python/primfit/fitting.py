@@ -239,8 +239,8 @@ def settle(
         # Where beams rise, the height at which they meet a wall changes with the wall.
         mean, covariance = np.append(mean, top.z), np.pad(covariance, (0, 1))
         covariance[d, d] = top.sigma**2 + (_RISE * fit.corner_sigma) ** 2
+    extent = float(np.ptp(fit.footprint, axis=0).max())
     for _ in range(_ROUNDS):
-        extent = float(np.ptp(fit.footprint, axis=0).max())
         slack = min(_MARGIN * fit.corner_sigma, _WIDEST * extent)
         top_slack = _MARGIN * float(np.sqrt(covariance[d, d])) if is_known else 0.0
         top_slack = min(top_slack, _WIDEST * extent)
