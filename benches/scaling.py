@@ -157,8 +157,8 @@ def draw(largest: int) -> None:
     right.set(xlabel="points or triangles", ylabel="MB at the peak above the input", title="Memory")
     for axes in (left, right):
         axes.grid(alpha=0.3)
-        axes.legend(fontsize=7)
-    plt.savefig(DOCS / "performance.png", dpi=130)
+        axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+    plt.savefig(DOCS / "performance.png", dpi=130, bbox_inches="tight")
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ from primfit.beams import Noise
 from primfit.evolution import evolve
 from primfit.fitting import approach, climb, find_top, settle
 from primfit.noise import estimate_range_sigma
-from primfit.sampling import QUICK, Effort, sample
+from primfit.sampling import QUICK, THOROUGH, Effort, sample
 from primfit.scene import Obstacle, Scene
 from primfit.templates import RECTANGLE, REGULAR, SQUARE, STARS, TEMPLATES, FreePolygon, kin
 
@@ -137,7 +137,7 @@ def test_the_sampler_finds_a_normal_posterior_and_its_evidence():
     def cost(x):
         return 0.5 * np.einsum("ni,ij,nj->n", x - truth, precision, x - truth)
 
-    effort = Effort(n=200, generations=60, wanted=400.0)
+    effort = Effort(n=200, generations=60, wanted=400.0, chained=0)
     found = sample(cost, np.zeros(3), np.eye(3), np.random.default_rng(1), effort)
     assert found.size >= 400.0
     z = (found.mean - truth) / np.sqrt(np.diag(covariance))
@@ -162,7 +162,7 @@ def test_chains_explore_a_posterior_of_many_parameters(is_box):
         return 0.5 * (unit**2).sum(axis=1)
 
     start = root @ rng.normal(size=d) * 0.5
-    effort = Effort(n=160, generations=30, wanted=300.0)
+    effort = Effort(n=0, generations=0, wanted=300.0, chained=4800)
     found = evolve(cost, start, 2.0 * root @ root.T, rng, effort)
     assert found.size > 50.0
     assert np.linalg.norm(np.linalg.solve(root, found.mean)) < 0.4 * np.sqrt(d)
@@ -179,7 +179,7 @@ def test_the_sampler_survives_a_cost_that_is_infinite_almost_everywhere():
     def cost(x):
         return np.where((np.abs(x) < 0.01).all(axis=1), 0.0, np.inf)
 
-    effort = Effort(n=50, generations=40, wanted=50.0)
+    effort = Effort(n=50, generations=40, wanted=50.0, chained=0)
     found = sample(cost, np.zeros(2), np.eye(2), np.random.default_rng(1), effort)
     assert np.abs(found.mean).max() < 0.01
 
@@ -291,9 +291,8 @@ def test_the_posterior_is_as_wide_as_its_errors(noise):
         _, beams = scene_of(solid, noise, seed)
         truth = np.array([*solid.center[:2], solid.angle, *solid.size])
         fit = climb(beams, RECTANGLE, truth, 0.2)
-        effort = Effort(n=160, generations=14, wanted=150.0)
         top = find_top(beams, solid.footprint)
-        fit, _, _ = settle(beams, fit, top, np.random.default_rng(seed), effort)
+        fit, _, _ = settle(beams, fit, top, np.random.default_rng(seed), THOROUGH)
         off = fit.parameters - truth
         levels.append(chi2.cdf(off @ np.linalg.solve(fit.covariance, off), len(off)))
     # Of 40, 33 or fewer inside would be rarer than one in ten thousand.

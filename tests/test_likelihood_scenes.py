@@ -43,6 +43,17 @@ def test_two_squares_two_centimetres_apart(noise):
     assert max(row.center_error_mm for row in report.rows) < 1.5
 
 
+def test_two_triangles_three_centimetres_apart_in_much_noise():
+    solids = [
+        primfit.Prism.regular(3, 0.281, center=(0.517, 0.46), angle=0.804),
+        primfit.Prism.regular(3, 0.205, center=(0.610, 0.263), angle=1.462),
+    ]
+    world = primfit.World(solids, primfit.Arena((1, 1)))
+    report = primfit.evaluate(primfit.detect(scanned(world, 0.2, 5), rng=5), world)
+    assert report.all_right
+    assert max(row.center_error_mm for row in report.rows) < 2.5
+
+
 @pytest.mark.parametrize("noise", [0.01, 0.05])
 def test_solids_seen_from_one_side(noise):
     rng = np.random.default_rng(5)

@@ -42,12 +42,11 @@ def evolve(
     Statistics and Computing 16, 2006. Foreman-Mackey et al.: emcee, Publications of the
     Astronomical Society of the Pacific 125, 2013, for the halves.
 
-    Cost, mean, covariance and effort are those of `sample`; it takes as many draws as that takes at
-    the most.
+    Cost, mean, covariance and effort are those of `sample`.
     """
     d = len(mean)
     n = 2 * max(_CHAINS * d // 2, 2)
-    steps = max(effort.n_draws(d) // n, 10)
+    steps = max(effort.n_chained(d) // n, 10)
     root = root_of(covariance)
     at = mean + _START * rng.normal(size=(n, d)) @ root.T
     at[0] = mean

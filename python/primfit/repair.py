@@ -64,10 +64,12 @@ def _instead(
         return []
     for alternative in (_afresh, _at_necks, _in_halves, _as_polygon):
         option = alternative(scene, others, body, cell)
-        tried = others + option
-        scene.obstacles = [each.obstacle for each in tried]
-        compete_finely(scene, tried, len(others), rng)
-        option = tried[len(others) :]
+        option = _settled(scene, others, option, rng)
+        if len(option) > 1 and any(_misfit(scene, part) > MISFIT for part in option):
+            # What a part is depends on what the others are, which is known better by now.
+            again = [_anew(scene, len(others) + j, part.seed) for j, part in enumerate(option)]
+            again = _settled(scene, others, again, rng)
+            option = min(option, again, key=lambda each: _score(scene, others, each, rows))
         if not option or _touch(option, float(np.sqrt(body.seed.area))):
             continue
         score = _score(scene, others, option, rows)
@@ -76,6 +78,16 @@ def _instead(
             if _misfit(scene, body) <= MISFIT:
                 break
     return best
+
+
+def _settled(
+    scene: Scene, others: list[Body], option: list[Body], rng: np.random.Generator
+) -> list[Body]:
+    """Bodies sampled among others."""
+    tried = others + option
+    scene.obstacles = [each.obstacle for each in tried]
+    compete_finely(scene, tried, len(others), rng)
+    return tried[len(others) :]
 
 
 def _misfit(scene: Scene, body: Body) -> float:

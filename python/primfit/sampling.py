@@ -41,20 +41,24 @@ class Effort:
         Most of them.
     wanted : float
         Effective number of draws at which it ends.
+    chained : int
+        Draws of Markov chains in `FEW` parameters.
     """
 
     n: int
     generations: int
     wanted: float
+    chained: int
 
-    def n_draws(self, n_parameters: int) -> int:
-        """Draws for a posterior of many parameters: chains and steps grow with their number."""
-        return self.n * self.generations * n_parameters**2 // FEW**2
+    def n_chained(self, n_parameters: int) -> int:
+        """Draws of Markov chains in many parameters: chains and steps grow with their number."""
+        return self.chained * n_parameters**2 // FEW**2
 
 
-QUICK = Effort(n=96, generations=8, wanted=40.0)
-THOROUGH = Effort(n=160, generations=12, wanted=200.0)
-"""To sample a level, and a posterior that is reported."""
+QUICK = Effort(n=96, generations=8, wanted=40.0, chained=768)
+THOROUGH = Effort(n=480, generations=12, wanted=600.0, chained=1920)
+"""To sample a level, and a posterior that is reported: proposals that follow few draws make its
+spread too small."""
 
 
 @dataclass(frozen=True, eq=False)
