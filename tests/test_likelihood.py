@@ -137,7 +137,7 @@ def test_the_sampler_finds_a_normal_posterior_and_its_evidence():
     def cost(x):
         return 0.5 * np.einsum("ni,ij,nj->n", x - truth, precision, x - truth)
 
-    effort = Effort(n=200, generations=60, wanted=400.0, chained=0)
+    effort = Effort(n=200, generations=60, wanted=400.0, least=0.0, chained=0)
     found = sample(cost, np.zeros(3), np.eye(3), np.random.default_rng(1), effort)
     assert found.size >= 400.0
     z = (found.mean - truth) / np.sqrt(np.diag(covariance))
@@ -162,7 +162,7 @@ def test_chains_explore_a_posterior_of_many_parameters(is_box):
         return 0.5 * (unit**2).sum(axis=1)
 
     start = root @ rng.normal(size=d) * 0.5
-    effort = Effort(n=0, generations=0, wanted=300.0, chained=4800)
+    effort = Effort(n=0, generations=0, wanted=0.0, least=0.0, chained=4800)
     found = evolve(cost, start, 2.0 * root @ root.T, rng, effort)
     assert found.size > 50.0
     assert np.linalg.norm(np.linalg.solve(root, found.mean)) < 0.4 * np.sqrt(d)
@@ -179,7 +179,7 @@ def test_the_sampler_survives_a_cost_that_is_infinite_almost_everywhere():
     def cost(x):
         return np.where((np.abs(x) < 0.01).all(axis=1), 0.0, np.inf)
 
-    effort = Effort(n=50, generations=40, wanted=50.0, chained=0)
+    effort = Effort(n=50, generations=40, wanted=50.0, least=0.0, chained=0)
     found = sample(cost, np.zeros(2), np.eye(2), np.random.default_rng(1), effort)
     assert np.abs(found.mean).max() < 0.01
 

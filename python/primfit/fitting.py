@@ -263,6 +263,6 @@ def settle(
         if is_known:
             top = Top(float(mean[d]), float(np.sqrt(covariance[d, d])))
             is_inside &= abs(top.z - local.top) + _ROOM * top.sigma <= local.top_slack
-        if found.cost > worst or (found.size >= effort.wanted / 3 and is_inside):
+        if found.cost > worst or (found.size >= effort.least and is_inside):
             break
     return fit, top, found

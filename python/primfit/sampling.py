@@ -41,6 +41,8 @@ class Effort:
         Most of them.
     wanted : float
         Effective number of draws at which it ends.
+    least : float
+        Effective number of draws that tell where the posterior is.
     chained : int
         Draws of Markov chains in `FEW` parameters.
     """
@@ -48,6 +50,7 @@ class Effort:
     n: int
     generations: int
     wanted: float
+    least: float
     chained: int
 
     def n_chained(self, n_parameters: int) -> int:
@@ -55,8 +58,8 @@ class Effort:
         return self.chained * n_parameters**2 // FEW**2
 
 
-QUICK = Effort(n=96, generations=8, wanted=40.0, chained=768)
-THOROUGH = Effort(n=480, generations=12, wanted=600.0, chained=1920)
+QUICK = Effort(n=96, generations=8, wanted=40.0, least=13.0, chained=768)
+THOROUGH = Effort(n=480, generations=12, wanted=600.0, least=67.0, chained=1920)
 """To sample a level, and a posterior that is reported: proposals that follow few draws make its
 spread too small."""
 
