@@ -136,6 +136,15 @@ def test_eight_planes_for_a_square_and_its_height():
         assert plane.rms == pytest.approx(0.05, rel=0.1)
 
 
+def test_a_top_that_few_beams_tell_decides_no_kind():
+    rng = np.random.default_rng(8013766402584254078)
+    world = primfit.random_world((1, 1), 1.0, ["square"], rng)
+    path = primfit.grid_path(world, 0.125, rng=rng)
+    scan = primfit.scan(world, path, primfit.Lidar(noise=0.025), rng=rng)
+    for seed in (1, 2):
+        assert primfit.evaluate(primfit.detect(scan, rng=seed), world).all_right
+
+
 def test_low_solids_are_seen_from_above():
     solids = [
         primfit.Prism.regular(4, 0.2, center=(0.3, 0.3), height=0.03),

@@ -241,11 +241,13 @@ def weigh(scene: Scene, i: int, body: Body, rng: np.random.Generator) -> Body:
     It meets its rivals and its kin once more, since neighbours were known less when it beat them.
     """
     beams = _near(scene, i, body)
-    best, top = body.contenders[0].fit, body.top
+    best = body.contenders[0].fit
+    # All start from one top: few beams tell little of it, and one may hold a sampler where it is.
+    top = find_top(beams, best.footprint)
     shapes = [each.fit.shape for each in body.contenders]
     relatives = [climb(beams, *start, top.z) for start in kin(best.shape, best.parameters)]
     strangers = [Contender(fit, top, -fit.cost) for fit in relatives if fit.shape not in shapes]
-    starts = [*body.contenders, *strangers]
+    starts = [*(replace(each, top=top) for each in body.contenders), *strangers]
     rivals = [_sampled(scene, beams, each, 1, rng, THOROUGH) for each in starts]
     winner = max(rivals, key=lambda each: each.evidence)
     return Body((replace(winner, fit=_longest_first(winner.fit)),), body.seed)
