@@ -155,21 +155,44 @@ class TestUnseenFaces:
             base = solid.observed.index(False)
             assert solid.planes[base] == (len(planes) - 1 if floor else -1)
 
-    def test_what_is_not_forced_stays_open(self):
+    @pytest.mark.parametrize("hidden", [(0, 2), (0, 1)])
+    def test_two_faces_that_nobody_saw(self, hidden):
+        solid, planes, points = self.box_without(hidden)
+        (one,) = primfit.find_polyhedra(planes, points).solids
+        assert one.kind == "box"
+        assert sum(one.observed) == 4
+        assert one.size == pytest.approx(solid.size, rel=0.01)
+        np.testing.assert_allclose(one.center, solid.center, atol=0.02)
+
+    def test_a_corner_of_three_faces_is_half_a_solid_if_seen_from_outside(self):
+        solid, planes, points = self.box_without((0, 1, 5))
+        assert primfit.find_polyhedra(planes, points).shells == ((0, 1, 2),)
+
+        def facing(sign):
+            out = [sign * (plane.boundary.mean(axis=0) - solid.center) for plane in planes]
+            return [
+                replace(plane, equation=plane.equation * np.sign(plane.equation[:3] @ way))
+                for plane, way in zip(planes, out, strict=True)
+            ]
+
+        (one,) = primfit.find_polyhedra(facing(1.0), points, facing=True).solids
+        assert one.kind == "box"
+        assert one.size == pytest.approx(solid.size, rel=0.01)
+        np.testing.assert_allclose(one.center, solid.center, atol=0.02)
+        assert not primfit.find_polyhedra(facing(-1.0), points, facing=True).solids
+
+    def test_two_faces_that_meet_do_not_close(self):
+        _, planes, points = self.box_without((0, 1, 4, 5))
+        polyhedra = primfit.find_polyhedra(planes, points)
+        assert not polyhedra.solids
+        assert polyhedra.shells == ((0, 1),)
+
+    def box_without(self, hidden):
         solid = primfit.Polyhedron.box(3, 2, 1, quat_xyzw=(0.3, 0.2, 0.1, 1))
         rng = np.random.default_rng(1)
         points, labels = sampled(solid, 10_000, 0.0, rng)
-        for hidden, n_solids in (((0, 2), 1), ((0, 1), 0), ((0, 1, 5), 0)):
-            seen = ~np.isin(labels, hidden)
-            planes = planes_of(points[seen], labels[seen], rng)
-            polyhedra = primfit.find_polyhedra(planes, points[seen])
-            # Opposite faces are each forced by the four between them, neighbours are not.
-            assert len(polyhedra.solids) == n_solids
-            if n_solids:
-                assert sum(polyhedra.solids[0].observed) == 4
-                assert polyhedra.solids[0].kind == "box"
-            else:
-                assert polyhedra.shells == (tuple(range(6 - len(hidden))),)
+        seen = ~np.isin(labels, hidden)
+        return solid, planes_of(points[seen], labels[seen], rng), points[seen]
 
 
 class TestInput:

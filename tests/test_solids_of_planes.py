@@ -54,6 +54,28 @@ def test_tilted_solids_in_one_call(seed, as_cloud):
     assert not found.shells
 
 
+@pytest.mark.parametrize("tilted", [False, True])
+def test_solids_on_the_floor_of_an_arena(tilted):
+    """With faces that nobody sees, or few beams; the arena, which is seen from inside, is none."""
+    n_right = n_solids = 0
+    for seed in range(2):
+        world = primfit.random_world(4, kinds=list(POLYHEDRA), rng=seed, tilted=tilted)
+        places = primfit.grid_path(world, 0.5, rng=seed)[::2]
+        levels = np.tile(np.eye(4), (3, len(places), 1, 1))
+        levels[..., :3, :3] = Rotation.from_rotvec(places[:, 2:] * [0, 0, 1]).as_matrix()
+        levels[..., :2, 3] = places[:, :2]
+        levels[..., 2, 3] = np.array([[0.15], [0.4], [0.8]])
+        path = levels.reshape(-1, 4, 4)
+        lidar = primfit.Lidar(24, 1.6, 160, 2 * np.pi, max_range=4.0, noise=0.003 / 4.0)
+        scan = primfit.scan(world, path, lidar, rng=seed)
+        report = primfit.evaluate(primfit.detect(scan, method="planes"), world)
+        assert not report.spurious
+        n_right += report.n_right
+        n_solids += len(report.rows)
+    assert n_solids == 8
+    assert n_right >= 7
+
+
 def test_covariances_are_honest():
     distances = []
     for seed in range(2000, 2024):

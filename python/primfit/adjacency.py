@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -12,6 +13,13 @@ from primfit.planes import Plane
 
 OPEN = -1
 """Neighbour of a side at which no plane was found."""
+
+
+_STEPS = 2
+"""Samples to either side between which the direction of an outline is taken."""
+
+_ASIDE = 2.0
+"""How far from an edge the outline seems to be that runs across it, in reaches."""
 
 
 @dataclass(eq=False)
@@ -78,6 +86,14 @@ class Face:
         """How far from an edge the outline may end, metres."""
         return 3.0 * self.spacing + 3.0 * self.rms
 
+    @cached_property
+    def width(self) -> float:
+        """Of the outline, where it is slimmest, metres."""
+        if self.polygon.is_empty:
+            return 0.0
+        box = shapely.get_coordinates(self.polygon.minimum_rotated_rectangle)
+        return float(np.linalg.norm(np.diff(box[:3], axis=0), axis=1).min())
+
 
 def meet(faces: list[Face]) -> list[tuple[int, int]]:
     """Pairs of faces that name each other along their outlines, rising; sets `Face.sides`."""
@@ -102,7 +118,7 @@ def meet(faces: list[Face]) -> list[tuple[int, int]]:
 def _sides(i: int, faces: list[Face]) -> list[Side]:
     """The neighbours around a face, in the direction of its boundary."""
     face = faces[i]
-    if face.polygon.is_empty:
+    if face.width == 0.0:
         return []
     ring = np.vstack([face.boundary, face.boundary[:1]])
     steps = np.maximum(1, np.ceil(np.linalg.norm(np.diff(ring, axis=0), axis=1) / face.spacing))
@@ -112,14 +128,19 @@ def _sides(i: int, faces: list[Face]) -> list[Side]:
             for a, b, n in zip(ring[:-1], ring[1:], steps, strict=True)
         ]
     )
+    along = np.roll(samples, -_STEPS, axis=0) - np.roll(samples, _STEPS, axis=0)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
     nearest = np.full(len(samples), OPEN)
     least = np.full(len(samples), np.inf)
     for j, other in enumerate(faces):
-        sine = float(np.linalg.norm(np.cross(face.equation[:3], other.equation[:3])))
-        if j == i or sine < 0.1:
-            continue
+        edge = np.cross(face.equation[:3], other.equation[:3])
+        sine = float(np.linalg.norm(edge))
         reach = max(face.reach, other.reach)
+        # What is slimmer than edges are told apart does not tell which of its sides meets what.
+        if j == i or sine < 0.1 or min(face.width, other.width) < reach:
+            continue
         off = np.abs(samples @ other.equation[:3] + other.equation[3]) / sine
+        off += _ASIDE * reach * (1.0 - np.abs(along @ edge) / sine)
         near = np.flatnonzero((off <= reach) & (off < least))
         outline = shapely.distance(other.polygon, shapely.points(samples[near] @ other.axes))
         near = near[outline <= reach]

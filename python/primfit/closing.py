@@ -2,130 +2,237 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import networkx as nx
 import numpy as np
 import shapely
 from scipy.spatial.transform import Rotation
 
 from primfit._check import Floats, Ints, frozen
-from primfit.adjacency import OPEN, Face, Side
+from primfit.adjacency import OPEN, Face
+from primfit.convex import convex_corners
 from primfit.found_polyhedra import EQUAL, FoundPolyhedron
-from primfit.joint_fit import fitted, fitted_together, scatter_of
+from primfit.joint_fit import fitted_together, scatter_of
+from primfit.open_surface import OpenSurface, Rim
 from primfit.polyhedron import Polyhedron
 from primfit.shapes import Shape, shape_of
+from primfit.unseen import Unseen, unseen_faces
 
 _EDGE = 4.0
 """Standard deviations from the plane of a neighbour within which a point may be its own."""
+
+_SHORTEST = 0.5
+"""Length of an edge that counts as one, over how far from an edge an outline may end."""
+
+_OFF = 3.0
+"""Distance of a vertex to the outlines of its faces, over the same, at the most."""
+
+_ENDS = 0.45
+"""Share of the rim that must end in a known plane; others may be hidden behind something."""
+
+_LARGER = 2.0
+"""Extent of a solid over that of the faces seen of it, at the most."""
+
+_VAGUE = 0.05, 0.15
+"""Differences of lengths, relative to the size, and of angles, that may count as none: of what is
+known well, and of anything."""
+
+_TOLERANCES = 8
+"""How many are tried."""
 
 _STEP = 1e-6
 """By which vertices are moved to see how a shape follows, relative to the size."""
 
 
-def _oriented(group: list[int], faces: list[Face], graph: nx.Graph) -> dict[int, bool] | None:
-    """Which faces run the wrong way around, so that the sides of an edge run opposite ways."""
-    turned = {group[0]: False}
-    for i, j in nx.bfs_edges(graph, group[0]):
-        one, two = _side(faces[i], j), _side(faces[j], i)
-        turned[j] = turned[i] ^ bool(one.along @ two.along > 0.0)
-    for i, j in graph.subgraph(group).edges:
-        alike = bool(_side(faces[i], j).along @ _side(faces[j], i).along > 0.0)
-        if turned[i] ^ turned[j] ^ alike:
-            return None
-    return turned
+@dataclass(frozen=True, eq=False)
+class _Bound:
+    """A plane on which a face of a solid lies: its number or `OPEN`, and what tells it."""
+
+    equation: Floats
+    scatter: Floats
+    plane: int
 
 
-def _side(face: Face, neighbor: int) -> Side:
-    return next(side for side in face.sides if side.neighbor == neighbor)
+def closed_solid(
+    group: list[int], faces: list[Face], graph: nx.Graph, facing: bool
+) -> FoundPolyhedron | None:
+    """The closed solid that a group of planes makes, if it makes one.
+
+    Where normals are `facing` the sensor, the solid must lie behind them.
+    """
+    ways = _ways_to_close(group, faces, graph, facing)
+    solids = (_solid(bounds, corners, group, faces, facing) for bounds, corners in ways)
+    return next((solid for solid in solids if solid is not None), None)
 
 
-def closed_solid(group: list[int], faces: list[Face], graph: nx.Graph) -> FoundPolyhedron | None:
-    """The closed solid that a group of planes makes, if it makes one."""
-    turned = _oriented(group, faces, graph)
-    if turned is None:
-        return None
-    row = {plane: k for k, plane in enumerate(group)}
-    sides = [_rims_joined(i, faces[i].sides[:: -1 if turned[i] else 1], graph) for i in group]
-    cycles = [
-        [row[side.neighbor] if graph.has_edge(i, side.neighbor) else OPEN for side in each]
-        for i, each in zip(group, sides, strict=True)
-    ]
-    scatters = [scatter_of(_inner(i, faces, graph), max(faces[i].rms, 1e-9)) for i in group]
-    equations = [faces[i].equation for i in group]
-    planes = list(group)
-    vague = 0.0
-    for cycle in cycles:
-        met = [k for k in cycle if k != OPEN]
-        if len(cycle) < 3 or len(set(met)) < len(met):
-            return None
-    while rim := next(
-        ((k, n) for k, c in enumerate(cycles) for n, j in enumerate(c) if j < 0), None
-    ):
-        loop, passed = _loop(cycles, rim)
-        if len(loop) < 3 and _stitch(cycles, sides, loop, passed):
-            continue
-        ends = [sides[k][n] for k, n in loop if k < len(group)]
-        if len(ends) < max(3, len(loop)) or len({k for k, _ in loop}) < len(loop):
-            return None
-        points = np.vstack([side.samples for side in ends])
-        slack = max(faces[i].reach for i in group)
-        beyond = {side.neighbor for side in ends}
-        plane = beyond.pop() if len(beyond) == 1 else OPEN
-        equation = fitted(points)
-        misfit = float((points @ equation[:3] + equation[3]).std())
-        if plane >= 0:
-            off = points @ faces[plane].equation[:3] + faces[plane].equation[3]
-            # All may end above the floor; that they end along another plane tells another face.
-            if off.std() <= 1.5 * misfit and np.abs(off.mean()) <= slack:
-                equation = faces[plane].equation
-            else:
-                plane = OPEN
-        if misfit > slack:
-            return None
-        if plane < 0:
-            vague = slack
-        for k, n in loop:
-            cycles[k][n] = len(cycles)
-        cycles.append([k for k, _ in reversed(loop)])
-        equations.append(equation)
-        scatters.append(scatter_of(points if plane < 0 else faces[plane].points, slack))
-        planes.append(plane)
-    corners = _corners(cycles)
-    if corners is None:
-        return None
-    vertices, spread = fitted_together(np.array(equations), np.array(scatters), corners)
-    for i, corner in zip(group, corners, strict=False):
-        flat = shapely.points(vertices[corner] @ faces[i].axes)
-        if (shapely.distance(faces[i].polygon, flat) > 3.0 * faces[i].reach).any():
-            return None
-    try:
-        solid = Polyhedron(vertices, tuple(corners))
-    except ValueError:
-        return None
-    # Where sides end is known to a third of the slack, and so is a face that only they tell.
-    extent = float(np.ptp(solid.vertices, axis=0).max())
-    tolerance = max(EQUAL, 2.0 / 3.0 * vague / extent)
-    shape = shape_of(solid.vertices, solid.faces, tolerance)
-    return FoundPolyhedron(
-        kind=shape.kind,
-        vertices=solid.vertices,
-        faces=solid.faces,
-        planes=tuple(planes),
-        observed=tuple(k < len(group) for k in range(len(planes))),
-        size=shape.size,
-        quat_xyzw=Rotation.from_matrix(shape.rotations[0]).as_quat(canonical=True),
-        footprint=shape.footprint,
-        covariance=frozen(_covariance(solid, shape, spread, tolerance)),
-    )
+def _ways_to_close(
+    group: list[int], faces: list[Face], graph: nx.Graph, facing: bool
+) -> Iterator[tuple[list[_Bound], list[Ints]]]:
+    """Planes of faces with the corners around each: what is known before what is inferred.
+
+    A convex solid is where all its planes say it is; of others, and where faces were not seen, what
+    the outlines meet tells.
+    """
+    seen = [_Bound(faces[i].equation, _seen_scatter(i, faces, graph), i) for i in group]
+    points = np.vstack([faces[i].boundary for i in group])
+    shortest = _SHORTEST * max(faces[i].reach for i in group)
+    is_convex = _is_convex(group, faces, points)
+
+    def convex(bounds: list[_Bound]) -> Iterator[tuple[list[_Bound], list[Ints]]]:
+        equations = np.stack([bound.equation for bound in bounds])
+        corners = convex_corners(equations, points, shortest)
+        if corners is not None:
+            yield bounds, corners
+
+    if is_convex:
+        yield from convex(seen)
+        for j in _planes_beyond(group, faces, graph):
+            yield from convex([*seen, _known(j, group, faces)])
+    surface = OpenSurface.of(group, faces, graph)
+    if surface is None:
+        return
+    bounds = seen + _close(surface, faces, 3 if facing else 2)
+    if is_convex:
+        yield from convex(bounds)
+    elif surface.is_closed and (corners := surface.corners()) is not None:
+        yield bounds, corners
 
 
-def _inner(i: int, faces: list[Face], graph: nx.Graph) -> Floats:
-    """Points of a face away from its neighbours, which take those on one side near an edge."""
+def _seen_scatter(i: int, faces: list[Face], graph: nx.Graph) -> Floats:
+    """Of the points away from the neighbours, which take those on one side near an edge."""
     points = faces[i].points
     inside = np.ones(len(points), dtype=bool)
     for other in (faces[j] for j in graph[i]):
         inside &= np.abs(points @ other.equation[:3] + other.equation[3]) > _EDGE * other.rms
-    inner = points[inside]
-    return inner if len(inner) > len(points) / 2 else points
+    if inside.sum() > len(points) / 2:
+        points = points[inside]
+    return scatter_of(points, max(faces[i].rms, 1e-9))
+
+
+def _is_convex(group: list[int], faces: list[Face], points: Floats) -> bool:
+    """Whether all outlines lie on one side of each face."""
+    for face in (faces[i] for i in group):
+        off = points @ face.equation[:3] + face.equation[3]
+        if off.max() > face.reach and off.min() < -face.reach:
+            return False
+    return True
+
+
+def _known(plane: int, group: list[int], faces: list[Face]) -> _Bound:
+    slack = max(faces[i].reach for i in group)
+    return _Bound(faces[plane].equation, scatter_of(faces[plane].points, slack), plane)
+
+
+def _planes_beyond(group: list[int], faces: list[Face], graph: nx.Graph) -> list[int]:
+    """Planes beyond the rims of a group in which much of them ends, as in a floor."""
+    ends = [side for i in group for side in faces[i].sides if not graph.has_edge(i, side.neighbor)]
+    unit = max(faces[i].reach for i in group) / 3.0
+    planes = []
+    for plane in sorted({side.neighbor for side in ends} - {OPEN, *group}):
+        equation = faces[plane].equation
+        off = np.concatenate([side.samples @ equation[:3] + equation[3] for side in ends])
+        if np.mean(np.abs(off) <= unit) >= _ENDS:
+            planes.append(plane)
+    return planes
+
+
+def _close(surface: OpenSurface, faces: list[Face], most: int) -> list[_Bound]:
+    """Close the rims of a surface, in place, as far as can be; the planes of the faces for it."""
+    bounds = []
+    while (rim := surface.next_rim()) is not None:
+        if surface.stitch(rim):
+            continue
+        unseen = _beyond(rim, surface.group, faces, most)
+        if unseen and surface.close(rim, [each.samples for each in unseen]):
+            for each in unseen:
+                if each.plane == OPEN:
+                    unit = max(faces[surface.group[k]].reach for k, _ in rim.places) / 3.0
+                    # Where the outline of a face ends too early it does so all along.
+                    share = len(np.unique(rim.owner[each.samples])) / len(each.samples)
+                    scatter = share * scatter_of(rim.samples[each.samples], unit)
+                    bounds.append(_Bound(each.equation, scatter, OPEN))
+                else:
+                    bounds.append(_known(each.plane, surface.group, faces))
+        elif not surface.cut_off(rim, faces):
+            break
+    return bounds
+
+
+def _beyond(rim: Rim, group: list[int], faces: list[Face], most: int) -> list[Unseen]:
+    """The unseen faces beyond a rim; none when it does not tell, or goes along a face twice."""
+    along = [group[k] for k, _ in rim.places]
+    if len(along) < 2 or len(set(along)) < len(along):
+        return []
+    known = {side.neighbor for i in along for side in faces[i].sides} - {OPEN, *group}
+    return unseen_faces(
+        rim.samples,
+        rim.owner,
+        np.stack([faces[i].equation for i in along]),
+        {plane: faces[plane].equation for plane in sorted(known)},
+        max(faces[i].reach for i in along) / 3.0,
+        most,
+    )
+
+
+def _solid(
+    bounds: list[_Bound], corners: list[Ints], group: list[int], faces: list[Face], facing: bool
+) -> FoundPolyhedron | None:
+    """The solid with these faces, the first of which were seen; None when it is not there."""
+    equations = np.stack([bound.equation for bound in bounds])
+    scatters = np.stack([bound.scatter for bound in bounds])
+    vertices, spread = fitted_together(equations, scatters, corners)
+    for i, corner in zip(group, corners, strict=False):
+        flat = shapely.points(vertices[corner] @ faces[i].axes)
+        if (shapely.distance(faces[i].polygon, flat) > _OFF * faces[i].reach).any():
+            return None
+    extent = float(np.ptp(vertices, axis=0).max())
+    if extent > _LARGER * np.ptp(np.vstack([faces[i].boundary for i in group]), axis=0).max():
+        return None
+    try:
+        solid = Polyhedron(vertices, tuple(corners))
+    except ValueError:
+        return None
+    if len(solid.faces) < len(corners) or len(solid.vertices) < len(vertices):
+        return None
+    if facing and np.sum(solid.normals[: len(group)] * equations[: len(group), :3]) < 0.0:
+        return None
+    deviation = np.sqrt(spread.diagonal().reshape(-1, 3).sum(axis=1).max())
+    most = float(np.clip(3.0 * deviation / extent, *_VAGUE))
+    shape, covariance = _named(solid, spread, most)
+    return FoundPolyhedron(
+        kind=shape.kind,
+        vertices=solid.vertices,
+        faces=solid.faces,
+        planes=tuple(bound.plane for bound in bounds),
+        observed=tuple(k < len(group) for k in range(len(bounds))),
+        size=shape.size,
+        quat_xyzw=Rotation.from_matrix(shape.rotations[0]).as_quat(canonical=True),
+        footprint=shape.footprint,
+        covariance=frozen(covariance),
+    )
+
+
+def _named(solid: Polyhedron, spread: Floats, most: float) -> tuple[Shape, Floats]:
+    """What a solid is, and the covariance of that, with tolerances up to `most`.
+
+    The smallest one counts that gives it a name, but faces that lean a little lean by chance. And
+    sizes that differ by less than three deviations are one size.
+    """
+    tolerances = np.geomspace(EQUAL, most, _TOLERANCES).tolist()
+    shapes = [shape_of(solid.vertices, solid.faces, tolerance) for tolerance in tolerances]
+    names = [shape.kind for shape in shapes]
+    leaning = "prism" if len(solid.faces) < 7 else "polyhedron"
+    first = next((k for k, name in enumerate(names) if name not in ("polyhedron", leaning)), 0)
+    covariance = _covariance(solid, shapes[first], spread, tolerances[first])
+    for k in range(first + 1, _TOLERANCES):
+        if names[k] in ("cube", "square") and names[first] in ("box", "rectangle"):
+            sizes = np.sort(np.atleast_1d(shapes[first].size))
+            deviation = np.sqrt(covariance.diagonal()[6:].sum())
+            if sizes[-1] - sizes[0] <= 3.0 * deviation:
+                return shapes[k], _covariance(solid, shapes[k], spread, tolerances[k])
+    return shapes[first], covariance
 
 
 def _covariance(solid: Polyhedron, shape: Shape, spread: Floats, tolerance: float) -> Floats:
@@ -141,96 +248,3 @@ def _covariance(solid: Polyhedron, shape: Shape, spread: Floats, tolerance: floa
         columns.append(np.concatenate([step * move.mean(axis=0), turned, sizes]) / step)
     jacobian = np.column_stack(columns)
     return jacobian @ spread @ jacobian.T
-
-
-def _rims_joined(i: int, sides: list[Side], graph: nx.Graph) -> list[Side]:
-    """The sides around a face with those in one that follow each other without a neighbour."""
-    ends = [not graph.has_edge(i, side.neighbor) for side in sides]
-    first = next((k for k, end in enumerate(ends) if not end), 0)
-    joined: list[Side] = []
-    was_end = False
-    for k in [*range(first, len(sides)), *range(first)]:
-        side = sides[k]
-        if ends[k] and was_end:
-            alike = side.neighbor == joined[-1].neighbor
-            samples = np.vstack([joined[-1].samples, side.samples])
-            joined[-1] = Side(side.neighbor if alike else OPEN, samples)
-        else:
-            joined.append(side)
-        was_end = ends[k]
-    return joined
-
-
-def _loop(
-    cycles: list[list[int]], first: tuple[int, int]
-) -> tuple[list[tuple[int, int]], list[int]]:
-    """Sides (face, place) along the rim of an open surface, and the faces passed on the way.
-
-    The way leads from one side around to itself.
-    """
-    loop, passed = [first], []
-    k, n = first
-    while True:
-        n = (n + 1) % len(cycles[k])
-        if cycles[k][n] >= 0:
-            k, n = cycles[k][n], cycles[cycles[k][n]].index(k)
-            passed.append(k)
-        elif (k, n) == first:
-            return loop, passed
-        else:
-            loop.append((k, n))
-
-
-def _stitch(
-    cycles: list[list[int]],
-    sides: list[list[Side]],
-    loop: list[tuple[int, int]],
-    passed: list[int],
-) -> bool:
-    """Close a rim too short for a face, in place, where there is one way to; tells whether.
-
-    Two sides are one edge. A side alone is the edge to the one face that its neighbours have
-    between them there, which is too small to have seen it; where there is none, its neighbours
-    meet, and a corner without points was cut off.
-    """
-    k, n = loop[0]
-    if len(loop) == 2:
-        j, m = loop[1]
-        if k == j or j in cycles[k]:
-            return False
-        cycles[k][n], cycles[j][m] = j, k
-        return True
-    between = [j for j in passed if j != k and j not in cycles[k]]
-    if len(between) == 1 and len(passed) == 4:
-        (j,) = between
-        place = cycles[j].index(cycles[k][(n + 1) % len(cycles[k])]) + 1
-        cycles[k][n] = j
-        cycles[j].insert(place, k)
-        sides[j].insert(place, sides[k][n])
-        return True
-    if len(passed) == 3 and len(cycles[k]) > 3:
-        del cycles[k][n], sides[k][n]
-        return True
-    return False
-
-
-def _corners(cycles: list[list[int]]) -> list[Ints] | None:
-    """Corners around each face, numbered, where three or more faces meet; None where fewer do."""
-    number: dict[tuple[int, int], int] = {}
-    n_corners = 0
-    for k, cycle in enumerate(cycles):
-        for n in range(len(cycle)):
-            start = k, n
-            if start in number:
-                continue
-            n_met = 0
-            while start not in number:
-                number[start] = n_corners
-                n_met += 1
-                face, place = start
-                other = cycles[face][place]
-                start = other, (cycles[other].index(face) + 1) % len(cycles[other])
-            if n_met < 3:
-                return None
-            n_corners += 1
-    return [np.array([number[k, n] for n in range(len(cycle))]) for k, cycle in enumerate(cycles)]

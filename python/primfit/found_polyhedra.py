@@ -23,14 +23,15 @@ class FoundPolyhedron(FlatFaced):
     Attributes
     ----------
     kind : str
-        As that of `Polyhedron`, where differences up to `EQUAL` count as none.
+        As that of `Polyhedron`, where differences up to `EQUAL` count as none, and larger ones of
+        faces that are known less well.
     vertices : (v, 3) float64, metres
     faces : tuple of int arrays
         Rows of `vertices` around each face, counter-clockwise from outside.
     planes : tuple of int
         Plane of each face; -1 where none was found.
     observed : tuple of bool
-        Which faces have points. Others were never seen: the seen ones end in one plane all around.
+        Which faces have points. Others were never seen: in each several of the seen ones end.
     size, quat_xyzw, footprint
         As those of `Polyhedron`.
     covariance : (6 + s, 6 + s) float64

@@ -13,13 +13,6 @@ def scatter_of(points: Floats, sigma: float) -> Floats:
     return rows.T @ rows / sigma**2
 
 
-def fitted(points: Floats) -> Floats:
-    """Equation of the plane of least squares."""
-    center = points.mean(axis=0)
-    normal = np.linalg.svd(points - center, full_matrices=False)[2][2]
-    return np.append(normal, -normal @ center)
-
-
 def fitted_together(
     equations: Floats, scatters: Floats, corners: list[Ints]
 ) -> tuple[Floats, Floats]:

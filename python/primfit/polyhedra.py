@@ -15,17 +15,20 @@ from primfit.found_polyhedra import Polyhedra
 from primfit.planes import Plane
 
 
-def find_polyhedra(planes: Iterable[Plane], points: ArrayLike) -> Polyhedra:
+def find_polyhedra(
+    planes: Iterable[Plane], points: ArrayLike, *, facing: bool = False
+) -> Polyhedra:
     """Solids that bounded planes enclose, of any shape and in any position.
 
     Along the outline of each plane the neighbours are read off that meet it there. Planes that name
     each other share an edge; edges that follow each other around two faces meet in a corner. Where
-    all sides of a group have a neighbour, or end in one plane that was not seen from there, the
-    group is a solid: its planes are fitted again, all at once, so that they meet in its corners.
+    all sides of a group have a neighbour, or end in up to three planes that were not seen from
+    there, the group is a solid: its planes are fitted again, all at once, so that they meet in its
+    corners.
 
-    That plane is the floor or wall where one was found there. Else it is the one in which the sides
-    end, which is known only to the spacing of the points. Edges shorter than about five spacings
-    and five standard deviations of the noise are not seen.
+    Such a plane is the floor or wall where one was found there. Else it is the one in which sides
+    of several faces end, which is known only to the spacing of the points. Edges shorter than about
+    five spacings and five standard deviations of the noise are not seen.
 
     Parameters
     ----------
@@ -34,6 +37,10 @@ def find_polyhedra(planes: Iterable[Plane], points: ArrayLike) -> Polyhedra:
         spacings of the points.
     points : (n, 3) float64, metres
         The cloud of whose rows `inliers` are.
+    facing : bool
+        Whether the normals of the planes point to where they were seen from. Then what is seen from
+        inside, as the walls of a room are, is no solid. Else three faces that meet may be a corner
+        of a room, and are not taken for half of a solid.
 
     Returns
     -------
@@ -58,7 +65,7 @@ def find_polyhedra(planes: Iterable[Plane], points: ArrayLike) -> Polyhedra:
     graph = nx.Graph(edges)
     solids, shells = [], []
     for group in sorted(sorted(each) for each in nx.connected_components(graph)):
-        solid = closed_solid(group, faces, graph)
+        solid = closed_solid(group, faces, graph, facing)
         if solid is None:
             shells.append(tuple(group))
         else:

@@ -61,7 +61,7 @@ def detect_by_planes(
         n_jobs=n_jobs,
         progress=progress,
     )
-    polyhedra = find_polyhedra(planes, scan.points)
+    polyhedra = find_polyhedra(planes, scan.points, facing=scan.has_origins)
     return Detection(
         scan=scan,
         method="planes",

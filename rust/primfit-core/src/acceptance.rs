@@ -7,7 +7,7 @@ use crate::neighbors::{Neighbor, PointTree, Search};
 use crate::normals::FLOOR;
 use crate::regions::{self, Members};
 use crate::roughness::Surfaces;
-use crate::spread::Spread;
+use crate::spread::{Moments, Spread};
 use crate::{Error, Vector, Workers};
 
 /// Least share of the labelled neighbours among the neighbours with this label or none.
@@ -31,6 +31,8 @@ const LEAST_DENSITY: f64 = 0.01;
 /// of a plane is.
 const FAR: f64 = 10.0;
 const CLOSE: f64 = 4.0;
+/// Least share of the points of a plane that bends only with those of others.
+const MOSTLY: f64 = 0.75;
 /// Second smallest over smallest variance of a plane, more when it is of few points.
 const FLAT: (f64, f64) = (2.0, 6.0);
 const FLAT_BY_CHANCE: f64 = 288.0;
@@ -92,7 +94,7 @@ impl Test<'_> {
             return false;
         }
         self.purity(number as i32, places) >= PURITY
-            && !self.is_bent(spread, places)
+            && !self.is_bent(number, places)
             && self.evidence(number, places, search) > EVIDENCE
     }
 
@@ -108,9 +110,25 @@ impl Test<'_> {
         same as f64 / (same + nobody).max(1) as f64
     }
 
-    fn is_bent(&self, spread: &Spread, places: &[u32]) -> bool {
-        let points = places.iter().map(|&place| &self.tree.points()[place as usize]);
-        Bend::of(points, spread).is_some_and(|bend| bend.is_clear())
+    /// Whether the points bend, and still do so without those that planes which they touch explain
+    /// better: beyond an edge these lie near the plane, too, if they are few.
+    fn is_bent(&self, number: usize, places: &[u32]) -> bool {
+        let points = self.tree.points();
+        let (spread, sigma) = &self.planes[number];
+        let bends = |points: &[&Vector], spread: &Spread| {
+            Bend::of(points.iter().copied(), spread).is_some_and(|bend| bend.is_clear())
+        };
+        let all: Vec<&Vector> = places.iter().map(|&place| &points[place as usize]).collect();
+        if !bends(&all, spread) {
+            return false;
+        }
+        let own = places.iter().filter(|&&place| {
+            normal(spread.distance(&points[place as usize]), *sigma)
+                >= self.density_of_others(number, place as usize)
+        });
+        let own: Vec<&Vector> = own.map(|&place| &points[place as usize]).collect();
+        (own.len() as f64) < MOSTLY * all.len() as f64
+            || bends(&own, &Moments::of(own.iter().copied(), own[0]).spread())
     }
 
     /// Logarithm of the likelihood ratio of points spread normally about the plane to points that
