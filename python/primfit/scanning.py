@@ -16,7 +16,7 @@ from primfit.scans import Scan
 from primfit.sensors import Lidar, check_transforms
 from primfit.worlds import World
 
-_BEAMS_AT_ONCE = 1 << 20
+_BEAMS_AT_ONCE = 1 << 16
 
 
 def scan(
@@ -90,12 +90,14 @@ def scan(
     n = n_poses * n_beams
     points, ranges, ids = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
     at_once = max(1, _BEAMS_AT_ONCE // n_beams)
+    noise = np.empty(min(at_once, n_poses) * n_beams if lidar.noise else 0)
     with reporting(progress, n_poses, "pose") as tell:
         for first in range(0, n_poses, at_once):
             some = transforms[first : first + at_once]
             rows = slice(first * n_beams, (first + len(some)) * n_beams)
-            noise = rng.normal(size=len(some) * n_beams if lidar.noise else 0)
-            caster.scan(some, beams, gate, noise, points[rows], ranges[rows], ids[rows], n_jobs)
+            own = noise[: len(some) * n_beams]
+            rng.standard_normal(out=own)
+            caster.scan(some, beams, gate, own, points[rows], ranges[rows], ids[rows], n_jobs)
             tell(first + len(some))
     return Scan(
         points=frozen(points),

@@ -33,6 +33,8 @@ const FAR: f64 = 10.0;
 const CLOSE: f64 = 4.0;
 /// Least share of the points of a plane that bends only with those of others.
 const MOSTLY: f64 = 0.75;
+/// How much less its own points turn.
+const STRAIGHTER: f64 = 0.6;
 /// Second smallest over smallest variance of a plane, more when it is of few points.
 const FLAT: (f64, f64) = (2.0, 6.0);
 const FLAT_BY_CHANCE: f64 = 288.0;
@@ -110,25 +112,23 @@ impl Test<'_> {
         same as f64 / (same + nobody).max(1) as f64
     }
 
-    /// Whether the points bend, and still do so without those that planes which they touch explain
-    /// better: beyond an edge these lie near the plane, too, if they are few.
+    /// Whether the points bend, and not only by those that planes which they touch explain better:
+    /// beyond an edge these lie near the plane, too, if they are few.
     fn is_bent(&self, number: usize, places: &[u32]) -> bool {
         let points = self.tree.points();
         let (spread, sigma) = &self.planes[number];
-        let bends = |points: &[&Vector], spread: &Spread| {
-            Bend::of(points.iter().copied(), spread).is_some_and(|bend| bend.is_clear())
-        };
-        let all: Vec<&Vector> = places.iter().map(|&place| &points[place as usize]).collect();
-        if !bends(&all, spread) {
-            return false;
-        }
+        let all = places.iter().map(|&place| &points[place as usize]);
+        let Some(bend) = Bend::of(all, spread).filter(Bend::is_clear) else { return false };
         let own = places.iter().filter(|&&place| {
             normal(spread.distance(&points[place as usize]), *sigma)
                 >= self.density_of_others(number, place as usize)
         });
         let own: Vec<&Vector> = own.map(|&place| &points[place as usize]).collect();
-        (own.len() as f64) < MOSTLY * all.len() as f64
-            || bends(&own, &Moments::of(own.iter().copied(), own[0]).spread())
+        if (own.len() as f64) < MOSTLY * places.len() as f64 {
+            return true;
+        }
+        let spread = Moments::of(own.iter().copied(), own[0]).spread();
+        Bend::of(own.into_iter(), &spread).is_none_or(|own| own.turn > STRAIGHTER * bend.turn)
     }
 
     /// Logarithm of the likelihood ratio of points spread normally about the plane to points that

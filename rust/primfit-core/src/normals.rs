@@ -79,8 +79,8 @@ impl PointTree {
         Ok(planes)
     }
 
-    /// The unit normal of the `k` points nearest to each, by least squares, in the order of the
-    /// tree; zero where there are fewer than 3.
+    /// The unit normal of the `k` points nearest to each, by least squares, in the order in which
+    /// points were given; zero where there are fewer than 3.
     ///
     /// # Errors
     /// [`Error::Stopped`] when the caller does not want to go on.
@@ -92,13 +92,17 @@ impl PointTree {
                 1,
                 || Vicinity::new(self),
                 |vicinity, i, normal| {
-                    let near =
-                        vicinity.nearest(i, k).iter().map(|&place| &self.points()[place as usize]);
-                    normal[0] = Moments::of(near, &self.points()[i]).spread().normal;
+                    let near = vicinity.nearest_by_place(i, k).iter();
+                    let near = near.map(|&place| &self.points()[place as usize]);
+                    normal[0] = Moments::of(near, &self.points()[i]).normal();
                 },
             )?;
         }
-        Ok(normals)
+        let mut given = vec![[0.0; 3]; normals.len()];
+        for (&row, normal) in self.rows().iter().zip(normals) {
+            given[row as usize] = normal;
+        }
+        Ok(given)
     }
 
     /// Looks again at neighbourhoods that are not flat, now that the noise is known around them:

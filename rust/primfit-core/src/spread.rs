@@ -5,6 +5,12 @@ use crate::Vector;
 /// Rounds after which a symmetric matrix counts as diagonal; six are usual.
 const MOST_ROUNDS: usize = 32;
 
+/// Steps of Newton's method; four to eight are usual.
+const MOST_STEPS: usize = 20;
+/// Product of the differences of the smallest variance to the others, over the square of their
+/// sum, above which it is a root apart.
+const APART: f64 = 1e-3;
+
 /// Number, mean and scatter of some points.
 ///
 /// Two of them add without loss of digits (Chan, Golub, `LeVeque`: Updating formulae and a pairwise
@@ -48,6 +54,33 @@ impl Moments {
     /// Principal variances and axes.
     pub fn spread(&self) -> Spread {
         Spread::of(&self.scatter.map(|sum| sum / self.count), self.mean)
+    }
+
+    /// The axis of the smallest variance alone: by Newton's method for the least root of the
+    /// characteristic polynomial, and the rows across it. Where two variances are nearly alike, as
+    /// along a line, by [`Spread::of`].
+    pub fn normal(&self) -> Vector {
+        let [xx, _, _, yy, _, zz] = self.scatter;
+        let [xx, xy, xz, yy, yz, zz] = self.scatter.map(|sum| sum / (xx + yy + zz));
+        let minors = xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz;
+        let determinant =
+            xx * (yy * zz - yz * yz) - xy * (xy * zz - xz * yz) + xz * (xy * yz - xz * yy);
+        let mut least = 0.0;
+        for _ in 0..MOST_STEPS {
+            let value = ((least - 1.0) * least + minors) * least - determinant;
+            let step = value / ((3.0 * least - 2.0) * least + minors);
+            least -= step;
+            if step.abs() <= f64::EPSILON {
+                break;
+            }
+        }
+        let rows = [[xx - least, xy, xz], [xy, yy - least, yz], [xz, yz, zz - least]];
+        let normal = [(0, 1), (0, 2), (1, 2)]
+            .map(|(i, j)| cross(&rows[i], &rows[j]))
+            .into_iter()
+            .fold([0.0; 3], |a, b| if dot(&b, &b) > dot(&a, &a) { b } else { a });
+        let length = dot(&normal, &normal).sqrt();
+        if length > APART { normal.map(|x| x / length) } else { self.spread().normal }
     }
 }
 
@@ -164,12 +197,49 @@ pub fn axes_across(normal: &Vector) -> [Vector; 2] {
     first[least] += 1.0;
     let length = dot(&first, &first).sqrt();
     first = first.map(|x| x / length);
-    let [a, b] = [normal, &first];
-    let second = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    [first, second]
+    [first, cross(normal, &first)]
+}
+
+/// Vector product.
+fn cross(a: &Vector, b: &Vector) -> Vector {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Scalar product.
 pub fn dot(a: &Vector, b: &Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_normal_alone_is_that_of_the_spread(
+            points in prop::collection::vec(prop::array::uniform3(-1.0..1.0), 3..20),
+            flat in prop::sample::select(vec![0.0, 1e-9, 1e-4, 0.1]),
+            far in -1e3..1e3,
+        ) {
+            let tilted = |[x, y, z]: &Vector| [x + far, *y, 0.5 * x - 0.3 * y + flat * z];
+            let points: Vec<Vector> = points.iter().map(tilted).collect();
+            let moments = Moments::of(points.iter(), &points[0]);
+            let spread = moments.spread();
+            let [least, middle, most] = spread.variances;
+            // How well two variances that are nearly alike tell their axes apart.
+            prop_assume!(middle - least > 1e-3 * most);
+            prop_assert!(1.0 - dot(&moments.normal(), &spread.normal).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn lines_and_single_points_have_some_normal() {
+        for point in [[1.0, 2.0, 3.0], [0.0, 1e-3, 0.0], [0.0; 3]] {
+            let points: Vec<Vector> = (0..5).map(|i| point.map(|x| x * f64::from(i))).collect();
+            let normal = Moments::of(points.iter(), &points[0]).normal();
+            assert!((dot(&normal, &normal) - 1.0).abs() < 1e-12);
+            assert!(dot(&normal, &point).abs() < 1e-7);
+        }
+    }
 }

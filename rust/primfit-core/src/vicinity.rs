@@ -29,6 +29,7 @@ pub struct Vicinity<'a> {
     /// How many neighbours the point before had, and how far the last of them was.
     before: (usize, f64),
     keys: Vec<u64>,
+    sorted: Vec<u64>,
     places: Vec<u32>,
 }
 
@@ -43,6 +44,7 @@ impl<'a> Vicinity<'a> {
             blocks: Vec::new(),
             before: (0, 0.0),
             keys: Vec::new(),
+            sorted: Vec::new(),
             places: Vec::new(),
         }
     }
@@ -51,17 +53,33 @@ impl<'a> Vicinity<'a> {
     ///
     /// Squared distances of the same 48 upper bits are alike; then the lower place is nearer.
     pub fn nearest(&mut self, place: usize, k: usize) -> &[u32] {
+        self.look_for(place, k, Self::take_in_order);
+        &self.places
+    }
+
+    /// The same points by rising place.
+    pub fn nearest_by_place(&mut self, place: usize, k: usize) -> &[u32] {
+        if !self.look_for(place, k, Self::take_by_place) {
+            self.places.sort_unstable();
+        }
+        &self.places
+    }
+
+    /// Puts the `k` nearest into `places`, as `take` takes them from `keys`; else, which it tells,
+    /// as the tree finds them, nearest first.
+    fn look_for(&mut self, place: usize, k: usize, take: fn(&mut Self, usize) -> f64) -> bool {
         let k = k.min(self.tree.points().len());
-        if self.before.0 == k && self.found(place, k, GUESS * self.before.1) {
-            return &self.places;
+        if self.before.0 == k && self.found(place, k, GUESS * self.before.1, take) {
+            return true;
         }
         let point = &self.tree.points()[place];
         let last = self.tree.nearest(point, k, &mut self.search)[k - 1].squared.sqrt();
         self.before = (k, last);
-        if !self.found(place, k, SLACK * last) {
+        let is_found = self.found(place, k, SLACK * last, take);
+        if !is_found {
             self.ask_tree(place, k, SLACK * last);
         }
-        &self.places
+        is_found
     }
 
     /// The same by the tree alone, for many neighbours of few points; the lower row is nearer.
@@ -73,7 +91,13 @@ impl<'a> Vicinity<'a> {
     }
 
     /// Whether the `k` nearest lie within `reach`; then they are in `places`.
-    fn found(&mut self, place: usize, k: usize, reach: f64) -> bool {
+    fn found(
+        &mut self,
+        place: usize,
+        k: usize,
+        reach: f64,
+        take: fn(&mut Self, usize) -> f64,
+    ) -> bool {
         let leaf = place / LEAF;
         let is_unfit = if self.is_crowded {
             GATHERED * GATHERED * reach < self.radius
@@ -88,32 +112,50 @@ impl<'a> Vicinity<'a> {
         if self.is_crowded {
             return false;
         }
-        let (keys, blocks) = (&mut self.keys, &self.blocks);
-        let reach = reach * reach;
-        find(blocks, &self.tree.points()[place], reach, keys);
-        if keys.len() < k {
+        find(&self.blocks, &self.tree.points()[place], reach * reach, &mut self.keys);
+        if self.keys.len() < k {
             return false;
         }
+        let last = take(self, k);
+        if last > reach * reach {
+            return false;
+        }
+        self.before = (k, last.sqrt());
+        true
+    }
+
+    /// Takes the `k` smallest keys, rising; the greatest squared distance that the last may have.
+    fn take_in_order(&mut self, k: usize) -> f64 {
+        let keys = &mut self.keys;
         if keys.len() > 2 * k {
             keys.select_nth_unstable(k - 1);
             keys.truncate(k);
         }
         keys.sort_unstable();
         keys.truncate(k);
-        let last = f64::from_bits(keys[k - 1] | NUMBER);
-        if last > reach {
-            return false;
-        }
-        self.before = (k, last.sqrt());
+        self.take(u64::MAX);
+        f64::from_bits(self.keys[k - 1] | NUMBER)
+    }
+
+    /// Takes them as they were found: by rising place.
+    fn take_by_place(&mut self, k: usize) -> f64 {
+        self.sorted.clone_from(&self.keys);
+        let last = *self.sorted.select_nth_unstable(k - 1).1;
+        self.take(last);
+        f64::from_bits(last | NUMBER)
+    }
+
+    /// Puts the points with keys up to `last` into `places`.
+    fn take(&mut self, last: u64) {
+        let blocks = &self.blocks;
         self.places.clear();
-        self.places.extend(keys.iter().map(|key| {
+        self.places.extend(self.keys.iter().filter(|&&key| key <= last).map(|key| {
             let number = (key & NUMBER) as usize;
             blocks[number / LEAF].start + (number % LEAF) as u32
         }));
-        true
     }
 
-    /// The `k` nearest, all of them within `reach`, into `places`, in the same order.
+    /// The `k` nearest, all of them within `reach`, into `places`, nearest first.
     fn ask_tree(&mut self, place: usize, k: usize, reach: f64) {
         let near = self.tree.within(&self.tree.points()[place], reach, &mut self.search);
         let mut keys: Vec<(u64, u32)> =
@@ -165,6 +207,10 @@ mod tests {
             for (place, point) in tree.points().iter().enumerate() {
                 let alone = tree.nearest(point, k, &mut search).iter().map(|n| &n.place);
                 prop_assert!(vicinity.nearest(place, k).iter().eq(alone));
+                let mut by_place = vicinity.places.clone();
+                by_place.sort_unstable();
+                prop_assert_eq!(vicinity.nearest_by_place(place, k), by_place);
+                vicinity.nearest(place, k);
                 again.ask_tree(place, k.min(points.len()), 4.0);
                 prop_assert_eq!(&again.places, &vicinity.places);
             }
@@ -180,6 +226,8 @@ mod tests {
         let mut vicinity = Vicinity::new(&tree);
         for place in 0..points.len() {
             assert_eq!(vicinity.nearest(place, 33), Vicinity::new(&tree).nearest(place, 33));
+            let alone = Vicinity::new(&tree).nearest_by_place(place, 33).to_vec();
+            assert_eq!(vicinity.nearest_by_place(place, 33), alone);
         }
     }
 

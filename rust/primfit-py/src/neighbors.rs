@@ -59,7 +59,7 @@ impl PointTree {
         Ok((found.into_pyarray(py).reshape(shape)?, distances.into_pyarray(py).reshape(shape)?))
     }
 
-    /// The normal of the `k` points nearest to each, in the order of the tree.
+    /// The normal of the `k` points nearest to each, in the order in which they were given.
     #[pyo3(signature = (k, n_jobs=None))]
     fn normals<'py>(
         &self,
