@@ -32,6 +32,9 @@ _OFF = 3.0
 _ENDS = 0.45
 """Share of the rim that must end in a known plane; others may be hidden behind something."""
 
+_MOST_ALONG = 32
+"""Faces along a rim of more than which nothing is inferred from it."""
+
 _LARGER = 2.0
 """Extent of a solid over that of the faces seen of it, at the most."""
 
@@ -163,7 +166,7 @@ def _close(surface: OpenSurface, faces: list[Face], most: int) -> list[_Bound]:
 def _beyond(rim: Rim, group: list[int], faces: list[Face], most: int) -> list[Unseen]:
     """The unseen faces beyond a rim; none when it does not tell, or goes along a face twice."""
     along = [group[k] for k, _ in rim.places]
-    if len(along) < 2 or len(set(along)) < len(along):
+    if not 2 <= len(along) <= _MOST_ALONG or len(set(along)) < len(along):
         return []
     known = {side.neighbor for i in along for side in faces[i].sides} - {OPEN, *group}
     return unseen_faces(

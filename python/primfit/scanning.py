@@ -16,7 +16,7 @@ from primfit.scans import Scan
 from primfit.sensors import Lidar, check_transforms
 from primfit.worlds import World
 
-_BEAMS_AT_ONCE = 1 << 16
+_BEAMS_AT_ONCE = 1 << 18
 
 
 def scan(
