@@ -20,6 +20,10 @@ MISFIT = 2.5
 LEAST_GAIN = 25.0
 """Log-likelihood that a solid must gain over nothing, beyond what its parameters cost."""
 
+_HOPELESS = 1000.0
+"""Log-likelihood by which one body that is fitted roughly may explain less than several that are
+sampled; sampling gains less."""
+
 _AROUND = 1.3
 """Radius within which beams tell of a body, as a multiple of its seed's."""
 
@@ -64,6 +68,8 @@ def _instead(
         return []
     for alternative in (_afresh, _at_necks, _in_halves, _as_polygon):
         option = alternative(scene, others, body, cell)
+        if len(option) < len(best) and _score(scene, others, option, rows) > least + _HOPELESS:
+            continue
         option = _settled(scene, others, option, rng)
         if len(option) > 1 and any(_misfit(scene, part) > MISFIT for part in option):
             # What a part is depends on what the others are, which is known better by now.
