@@ -27,7 +27,8 @@ def detect_by_planes(
 
     Nothing is assumed of the scene: not which way is up, no floor and no arena, which are planes
     as others are. A solid must be seen from around, but for faces that the seen ones force
-    (see `find_polyhedra`).
+    (see `find_polyhedra`); what a scan with origins sees from inside, as the walls of a room, is
+    none.
 
     Parameters
     ----------
