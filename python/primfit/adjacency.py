@@ -118,7 +118,7 @@ def meet(faces: list[Face]) -> list[tuple[int, int]]:
 def _sides(i: int, faces: list[Face]) -> list[Side]:
     """The neighbours around a face, in the direction of its boundary."""
     face = faces[i]
-    if face.width == 0.0:
+    if face.polygon.is_empty:
         return []
     ring = np.vstack([face.boundary, face.boundary[:1]])
     steps = np.maximum(1, np.ceil(np.linalg.norm(np.diff(ring, axis=0), axis=1) / face.spacing))

@@ -65,15 +65,17 @@ def closed_solid(
 
     Where normals are `facing` the sensor, the solid must lie behind them.
     """
-    ways = _ways_to_close(group, faces, graph, facing)
-    solids = (_solid(bounds, corners, group, faces, facing) for bounds, corners in ways)
-    return next((solid for solid in solids if solid is not None), None)
+    for bounds, corners in _ways_to_close(group, faces, graph, facing):
+        solid = None if corners is None else _solid(bounds, corners, group, faces, facing)
+        if solid is not None:
+            return solid
+    return None
 
 
 def _ways_to_close(
     group: list[int], faces: list[Face], graph: nx.Graph, facing: bool
-) -> Iterator[tuple[list[_Bound], list[Ints]]]:
-    """Planes of faces with the corners around each: what is known before what is inferred.
+) -> Iterator[tuple[list[_Bound], list[Ints] | None]]:
+    """Planes of faces with the corners around each, if any: what is known before what is inferred.
 
     A convex solid is where all its planes say it is; of others, and where faces were not seen, what
     the outlines meet tells.
@@ -83,24 +85,22 @@ def _ways_to_close(
     shortest = _SHORTEST * max(faces[i].reach for i in group)
     is_convex = _is_convex(group, faces, points)
 
-    def convex(bounds: list[_Bound]) -> Iterator[tuple[list[_Bound], list[Ints]]]:
+    def convex(bounds: list[_Bound]) -> tuple[list[_Bound], list[Ints] | None]:
         equations = np.stack([bound.equation for bound in bounds])
-        corners = convex_corners(equations, points, shortest)
-        if corners is not None:
-            yield bounds, corners
+        return bounds, convex_corners(equations, points, shortest)
 
     if is_convex:
-        yield from convex(seen)
+        yield convex(seen)
         for j in _planes_beyond(group, faces, graph):
-            yield from convex([*seen, _known(j, group, faces)])
+            yield convex([*seen, _known(j, group, faces)])
     surface = OpenSurface.of(group, faces, graph)
     if surface is None:
         return
     bounds = seen + _close(surface, faces, 3 if facing else 2)
     if is_convex:
-        yield from convex(bounds)
-    elif surface.is_closed and (corners := surface.corners()) is not None:
-        yield bounds, corners
+        yield convex(bounds)
+    elif surface.is_closed:
+        yield bounds, surface.corners()
 
 
 def _seen_scatter(i: int, faces: list[Face], graph: nx.Graph) -> Floats:

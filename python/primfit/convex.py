@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import networkx as nx
 import numpy as np
 from scipy.spatial import HalfspaceIntersection, QhullError
 
 from primfit._check import Floats, Ints
+from primfit.planes import axes_of
 
 _FAR = 10.0
 """Distance of the walls around a solid that is not closed, in its extent."""
@@ -41,11 +44,12 @@ def convex_corners(equations: Floats, points: Floats, shortest: float) -> list[I
         return None
     near = nx.Graph()
     near.add_nodes_from(range(len(met)))
-    for a in range(len(met)):
-        for b in range(a):
-            apart = np.linalg.norm(cut.intersections[a] - cut.intersections[b])
-            if len(met[a] & met[b]) >= 2 and apart < shortest:
-                near.add_edge(a, b)
+    near.add_edges_from(
+        (a, b)
+        for a, b in combinations(range(len(met)), 2)
+        if len(met[a] & met[b]) >= 2
+        and np.linalg.norm(cut.intersections[a] - cut.intersections[b]) < shortest
+    )
     corners = [sorted(each) for each in nx.connected_components(near)]
     places = np.stack([cut.intersections[each].mean(axis=0) for each in corners])
     met = [set().union(*(met[a] for a in each)) for each in corners]
@@ -55,7 +59,6 @@ def convex_corners(equations: Floats, points: Floats, shortest: float) -> list[I
         if len(own) < 3:
             return None
         arms = places[own] - places[own].mean(axis=0)
-        x = np.cross(np.eye(3)[np.abs(normal).argmin()], normal)
-        bearing = np.arctan2(arms @ np.cross(normal, x), arms @ x)
-        faces.append(own[np.argsort(bearing)])
+        x, y = axes_of(normal) @ arms.T
+        faces.append(own[np.argsort(np.arctan2(y, x))])
     return faces
