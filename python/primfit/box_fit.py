@@ -10,9 +10,12 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from primfit._check import Floats, as_rows, frozen
+from primfit._check import Floats, Ints, as_rows, frozen
 from primfit.planes import Plane
 from primfit.polyhedron import Polyhedron
+
+_STRIPS = 24
+"""Into how many a face is cut, at most, each of which tells where it ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,35 +100,11 @@ def fit_box(planes: Iterable[Plane], points: ArrayLike) -> BoxFit:
     cloud = as_rows("points", points, 3, finite=False)
     normals = np.array([plane.equation[:3] for plane in chosen])
     clouds = [cloud[plane.inliers] for plane in chosen]
-    frame = _start(normals, np.array([len(each) for each in clouds]))
-    axes = np.abs(normals @ frame.T).argmax(axis=1)
-    # A plane's best offset is its points' mean, so that only their scatter tells the turn.
-    middles = np.array([each.mean(axis=0) for each in clouds])
-    scatters = np.zeros((3, 3, 3))
-    for axis, own, middle in zip(axes, clouds, middles, strict=True):
-        scatters[axis] += (own - middle).T @ (own - middle)
-    scatters /= np.trace(scatters.sum(axis=0))
-    values, vectors = np.linalg.eigh(scatters)
-    roots = np.sqrt(np.maximum(values, 0.0))[:, :, None] * np.swapaxes(vectors, 1, 2)
-
-    def residuals(turn: Floats) -> Floats:
-        turned = frame @ Rotation.from_rotvec(turn).as_matrix().T
-        return np.einsum("aij,aj->ai", roots, turned).ravel()
-
-    solution = least_squares(residuals, np.zeros(3), xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    frame = frame @ Rotation.from_rotvec(solution.x).as_matrix().T
-
-    reached = np.concatenate([plane.boundary for plane in chosen]) @ frame.T
-    ends = np.stack([reached.min(axis=0), reached.max(axis=0)])
-    along = np.einsum("ki,ki->k", middles, frame[axes])
-    is_upper = along > ends.mean(axis=0)[axes]
-    ends[is_upper.astype(int), axes] = along
-    faces = 2 * axes + is_upper
-    if len(set(faces.tolist())) < len(faces) or (ends[0] >= ends[1]).any():
-        raise ValueError("planes must be different faces of one box, but two are the same")
+    frame, faces, ends = box_through(normals, clouds)
+    axes = faces // 2
     squares = [
-        ((own - middle) @ frame[axis]) ** 2
-        for axis, own, middle in zip(axes, clouds, middles, strict=True)
+        (own @ frame[axis] - end) ** 2
+        for axis, own, end in zip(axes, clouds, ends[faces % 2, axes], strict=True)
     ]
     cosines = np.clip(np.abs(normals @ normals.T), 0.0, 1.0)
     box = Polyhedron.box(
@@ -144,6 +123,63 @@ def fit_box(planes: Iterable[Plane], points: ArrayLike) -> BoxFit:
         angles=frozen(np.where(axes[:, None] == axes, np.nan, np.arccos(cosines))),
         observed=tuple(face in faces for face in range(6)),
     )
+
+
+def box_through(normals: Floats, clouds: list[Floats]) -> tuple[Floats, Ints, Floats]:
+    """The box of least squares of the points (n, 3) on each face, whose planes have these normals.
+
+    Returns
+    -------
+    frame : (3, 3) float64
+        Its axes, in rows.
+    faces : (k,) int64
+        Which of its faces each is, as `BoxFit.faces`.
+    ends : (2, 3) float64, metres
+        Of the box along its axes; where there is no face, those of the points.
+
+    Raises
+    ------
+    ValueError
+        When all are parallel, or two are one face.
+    """
+    frame = _start(normals, np.array([len(each) for each in clouds]))
+    axes = np.abs(normals @ frame.T).argmax(axis=1)
+    # A plane's best offset is its points' mean, so that only their scatter tells the turn.
+    middles = np.array([each.mean(axis=0) for each in clouds])
+    scatters = np.zeros((3, 3, 3))
+    for axis, own, middle in zip(axes, clouds, middles, strict=True):
+        scatters[axis] += (own - middle).T @ (own - middle)
+    scatters /= np.trace(scatters.sum(axis=0))
+    values, vectors = np.linalg.eigh(scatters)
+    roots = np.sqrt(np.maximum(values, 0.0))[:, :, None] * np.swapaxes(vectors, 1, 2)
+
+    def residuals(turn: Floats) -> Floats:
+        turned = frame @ Rotation.from_rotvec(turn).as_matrix().T
+        return np.einsum("aij,aj->ai", roots, turned).ravel()
+
+    solution = least_squares(residuals, np.zeros(3), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    frame = frame @ Rotation.from_rotvec(solution.x).as_matrix().T
+
+    places = [own @ frame.T for own in clouds]
+    ends = np.stack([_end(places, axes, k) for k in range(3)], axis=1)
+    along = np.einsum("ki,ki->k", middles, frame[axes])
+    is_upper = along > ends.mean(axis=0)[axes]
+    ends[is_upper.astype(int), axes] = along
+    faces = 2 * axes + is_upper
+    if len(set(faces.tolist())) < len(faces) or (ends[0] >= ends[1]).any():
+        raise ValueError("planes must be different faces of one box, but two are the same")
+    return frame, faces, ends
+
+
+def _end(places: list[Floats], axes: Ints, k: int) -> Floats:
+    """Lower and upper end along an axis of the faces across the others: medians of strips."""
+    ends = []
+    for own, axis in zip(places, axes, strict=True):
+        if axis != k:
+            across = np.argsort(own[:, 3 - axis - k], kind="stable")
+            for strip in np.array_split(across, int(np.clip(np.sqrt(len(own)) / 3, 1, _STRIPS))):
+                ends.append([own[strip, k].min(), own[strip, k].max()])
+    return np.median(ends, axis=0)
 
 
 def _start(normals: Floats, n_points: Floats) -> Floats:

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 import networkx as nx
 import numpy as np
 import shapely
-from scipy.spatial.transform import Rotation
 
-from primfit._check import Floats, Ints, frozen
+from primfit._check import Floats, Ints
 from primfit.adjacency import OPEN, Face
 from primfit.convex import convex_corners
-from primfit.found_polyhedra import EQUAL, FoundPolyhedron
+from primfit.found_polyhedra import FoundPolyhedron
 from primfit.joint_fit import fitted_together, scatter_of
+from primfit.naming import found_solid
 from primfit.open_surface import OpenSurface, Rim
 from primfit.polyhedron import Polyhedron
-from primfit.shapes import Shape, shape_of
 from primfit.unseen import Unseen, unseen_faces
 
 _EDGE = 4.0
@@ -37,16 +36,6 @@ _MOST_ALONG = 32
 
 _LARGER = 2.0
 """Extent of a solid over that of the faces seen of it, at the most."""
-
-_VAGUE = 0.05, 0.15
-"""Differences of lengths, relative to the size, and of angles, that may count as none: of what is
-known well, and of anything."""
-
-_TOLERANCES = 8
-"""How many are tried."""
-
-_STEP = 1e-6
-"""By which vertices are moved to see how a shape follows, relative to the size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,53 +190,5 @@ def _solid(
         return None
     if facing and np.sum(solid.normals[: len(group)] * equations[: len(group), :3]) < 0.0:
         return None
-    deviation = np.sqrt(spread.diagonal().reshape(-1, 3).sum(axis=1).max())
-    most = float(np.clip(3.0 * deviation / extent, *_VAGUE))
-    shape, covariance = _named(solid, spread, most)
-    return FoundPolyhedron(
-        kind=shape.kind,
-        vertices=solid.vertices,
-        faces=solid.faces,
-        planes=tuple(bound.plane for bound in bounds),
-        observed=tuple(k < len(group) for k in range(len(bounds))),
-        size=shape.size,
-        quat_xyzw=Rotation.from_matrix(shape.rotations[0]).as_quat(canonical=True),
-        footprint=shape.footprint,
-        covariance=frozen(covariance),
-    )
-
-
-def _named(solid: Polyhedron, spread: Floats, most: float) -> tuple[Shape, Floats]:
-    """What a solid is, and the covariance of that, with tolerances up to `most`.
-
-    The smallest one counts that gives it a name, but faces that lean a little lean by chance. And
-    sizes that differ by less than three deviations are one size.
-    """
-    tolerances = np.geomspace(EQUAL, most, _TOLERANCES).tolist()
-    shapes = [shape_of(solid.vertices, solid.faces, tolerance) for tolerance in tolerances]
-    names = [shape.kind for shape in shapes]
-    leaning = "prism" if len(solid.faces) < 7 else "polyhedron"
-    first = next((k for k, name in enumerate(names) if name not in ("polyhedron", leaning)), 0)
-    covariance = _covariance(solid, shapes[first], spread, tolerances[first])
-    for k in range(first + 1, _TOLERANCES):
-        if names[k] in ("cube", "square") and names[first] in ("box", "rectangle"):
-            sizes = np.sort(np.atleast_1d(shapes[first].size))
-            deviation = np.sqrt(covariance.diagonal()[6:].sum())
-            if sizes[-1] - sizes[0] <= 3.0 * deviation:
-                return shapes[k], _covariance(solid, shapes[k], spread, tolerances[k])
-    return shapes[first], covariance
-
-
-def _covariance(solid: Polyhedron, shape: Shape, spread: Floats, tolerance: float) -> Floats:
-    """Covariance of centre, rotation and sizes, from that of the vertices."""
-    step = _STEP * float(np.ptp(solid.vertices, axis=0).max())
-    turn = Rotation.from_matrix(shape.rotations[0]).inv()
-    columns = []
-    for move in np.eye(solid.vertices.size).reshape(-1, *solid.vertices.shape):
-        moved = shape_of(solid.vertices + step * move, solid.faces, tolerance)
-        turns = Rotation.from_matrix(moved.rotations) * turn
-        sizes = np.atleast_1d(moved.size) - np.atleast_1d(shape.size)
-        turned = turns[int(turns.magnitude().argmin())].as_rotvec()
-        columns.append(np.concatenate([step * move.mean(axis=0), turned, sizes]) / step)
-    jacobian = np.column_stack(columns)
-    return jacobian @ spread @ jacobian.T
+    observed = [k < len(group) for k in range(len(bounds))]
+    return found_solid(solid, spread, [bound.plane for bound in bounds], observed)

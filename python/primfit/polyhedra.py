@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from primfit._check import as_rows, frozen
 from primfit.adjacency import Face, meet
+from primfit.boxes import boxes_among
 from primfit.closing import closed_solid
 from primfit.found_polyhedra import Polyhedra
 from primfit.planes import Plane
@@ -66,10 +67,10 @@ def find_polyhedra(
     solids, shells = [], []
     for group in sorted(sorted(each) for each in nx.connected_components(graph)):
         solid = closed_solid(group, faces, graph, facing)
-        if solid is None:
-            shells.append(tuple(group))
-        else:
-            solids.append(solid.moved(place))
+        found = boxes_among(group, faces, graph, facing) if solid is None else [solid]
+        solids += [each.moved(place) for each in found]
+        rest = graph.subgraph(set(group).difference(*(each.planes for each in found)))
+        shells += [tuple(sorted(each)) for each in nx.connected_components(rest) if len(each) > 1]
     return Polyhedra(
         tuple(solids), tuple(shells), frozen(np.array(edges, dtype=int).reshape(-1, 2))
     )
