@@ -23,7 +23,7 @@ _ALIKE = 0.4
 """Correlation of the errors of nearest points from which a sensor bends what it sees."""
 
 _EXACT = 1e-3
-"""Least noise of a face, over how far from an edge its outline ends."""
+"""Least noise of a face, over how far from an edge its outline may end."""
 
 _FILLED = 0.8
 """Share of each face of a box that its plane must cover."""
@@ -193,18 +193,19 @@ class _Box:
         number of planes (Birge, The calculation of errors by the method of least squares, 1932).
         """
         told, misfit = np.zeros((9, 9)), 0.0
-        unit = max(faces[plane].reach for plane in self.seen.values()) / 3.0
-        for number, face in ((number, faces[plane]) for number, plane in self.seen.items()):
+        seen = {number: faces[plane] for number, plane in self.seen.items()}
+        for number, face in seen.items():
             rows = self._rows(number, face.points)
             off = face.points @ self.frame[number // 2] - self.ends[number % 2, number // 2]
-            variance = max(face.rms, _EXACT * unit) ** 2
+            variance = max(face.rms, _EXACT * face.reach) ** 2
             misfit += float(off @ off) / variance - len(off)
             told += rows.T @ rows / variance
-        told /= max(1.0, misfit / (2 * len(self.seen) - 3))
-        for number in set(range(6)) - set(self.seen):
+        told /= max(1.0, misfit / (2 * len(seen) - 3))
+        for number in set(range(6)).difference(seen):
+            ending = [face.reach for other, face in seen.items() if other // 2 != number // 2]
             middle = self.vertices[_AROUND[number]].mean(axis=0)
             rows = self._rows(number, middle[None])
-            told += rows.T @ rows / unit**2
+            told += rows.T @ rows / (min(ending) / 3.0) ** 2
         return np.asarray(np.linalg.inv(told), dtype=np.float64)
 
     def _rows(self, number: int, points: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit._check import as_rows, frozen
-from primfit.adjacency import Face, meet
+from primfit.adjacency import OPEN, Face, meet
 from primfit.boxes import boxes_among
 from primfit.closing import closed_solid
 from primfit.found_polyhedra import Polyhedra
@@ -67,7 +67,10 @@ def find_polyhedra(
     solids, shells = [], []
     for group in sorted(sorted(each) for each in nx.connected_components(graph)):
         solid = closed_solid(group, faces, graph, facing)
-        found = boxes_among(group, faces, graph, facing) if solid is None else [solid]
+        # Where half of a solid is inferred, a box that explains the other half is likelier.
+        found = [] if solid is None else [solid]
+        if solid is None or solid.planes.count(OPEN) > 2:
+            found = boxes_among(group, faces, graph, facing) or found
         solids += [each.moved(place) for each in found]
         rest = graph.subgraph(set(group).difference(*(each.planes for each in found)))
         shells += [tuple(sorted(each)) for each in nx.connected_components(rest) if len(each) > 1]
