@@ -14,6 +14,7 @@ mod dbscan;
 mod error;
 mod expansion;
 mod fit;
+mod gaps;
 mod graph;
 mod growth;
 mod instructions;

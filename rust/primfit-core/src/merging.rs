@@ -14,6 +14,10 @@ const MOVE_ROUGH: f64 = 2.56;
 const PLANE: f64 = 4.0;
 /// How much larger than the smaller variance of two planes the common one may be.
 const UNEQUAL: f64 = 4.0;
+/// How much more room than each two parts take together that are apart, and by how much for each
+/// point the shares of labels among neighbours grow where they touch.
+const ROOMIER: f64 = 1.2;
+const TOUCHING: f64 = 0.1;
 
 /// New labels after putting touching regions together, best gain a point first.
 ///
@@ -90,6 +94,9 @@ impl Pair {
             squares(&planes[2], &both) - squares(&planes[0], first) - squares(&planes[1], second);
         let counts = [first.moments.count, second.moments.count];
         let variance = freedom.variance([(first, &planes[0]), (second, &planes[1])], &planes[2]);
+        if freedom.are_apart(counts, &planes, bonus) {
+            return None;
+        }
         let worth = freedom.worth(counts) + 2.0 * bonus;
         let gain = (worth - rise / variance) / (counts[0] + counts[1]);
         (gain > 0.0).then(|| Self { gain, a, b, versions: (version[a], version[b]) })
@@ -135,6 +142,18 @@ impl Freedom {
             self.law.sigma(sigma, extent(spread), extent(both)).powi(2)
         });
         a.max(b).min(UNEQUAL * a.min(b))
+    }
+
+    /// Whether two parts of so many points, whose spreads and common one are given, are pieces with
+    /// a gap between them: together they take much more room than each, and hardly touch.
+    fn are_apart(&self, counts: [f64; 2], planes: &[Spread; 3], bonus: f64) -> bool {
+        let [a, b, both] = planes.each_ref().map(|spread| {
+            let [_, middle, long] = spread.variances;
+            (middle * long).sqrt()
+        });
+        self.surfaces == Surfaces::Smooth
+            && both > ROOMIER * (a + b)
+            && bonus < TOUCHING * counts[0].min(counts[1])
     }
 
     /// How much the sum of squares may rise, in variances, when two parts of so many points become

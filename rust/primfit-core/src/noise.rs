@@ -4,6 +4,14 @@ use crate::graph::Graph;
 use crate::normals::LocalPlane;
 use crate::{Error, Workers};
 
+/// Flat neighbourhoods that tell whether all points have one noise.
+const FEWEST: usize = 64;
+/// Parameters of a plane.
+const PARAMETERS: f64 = 3.0;
+/// Standard deviations of the logarithm of the noise, exceeded by one neighbourhood in ten, from
+/// which the noise differs: 1.64 if they did not overlap.
+const DIFFERENT: f64 = 2.3;
+
 /// Standard deviation of the noise of all points of the graph, of which every `step`-th has a
 /// local plane.
 ///
@@ -43,6 +51,27 @@ pub fn spread_noise(
         unknown.retain(|&i| noise[i as usize].is_nan());
     }
     Ok(noise)
+}
+
+/// The noise of all points where flat neighbourhoods do not tell that it differs; None where they
+/// do, or are too few.
+///
+/// The logarithm of a deviation from n points deviates by 1 / sqrt(2 n): of nine in ten, hardly more
+/// than that, though the neighbourhoods overlap and were chosen to be flat.
+pub fn common_noise(local: &[LocalPlane]) -> Option<f64> {
+    let flat: Vec<&LocalPlane> = local.iter().filter(|plane| plane.is_flat).collect();
+    if flat.len() < FEWEST {
+        return None;
+    }
+    let mut sigmas: Vec<f64> = flat.iter().map(|plane| plane.sigma).collect();
+    let (_, &mut median, _) = sigmas.select_nth_unstable_by(flat.len() / 2, f64::total_cmp);
+    let off = |plane: &&LocalPlane| {
+        let freedom = f64::from(plane.size) - PARAMETERS;
+        (plane.sigma / median).ln().abs() * (2.0 * freedom).sqrt()
+    };
+    let mut off: Vec<f64> = flat.iter().map(off).collect();
+    let (_, &mut most, _) = off.select_nth_unstable_by(9 * flat.len() / 10, f64::total_cmp);
+    (most < DIFFERENT).then_some(median)
 }
 
 /// Geometric mean of what is known, NaN when nothing is.

@@ -6,7 +6,7 @@ use crate::graph::Graph;
 use crate::growth::{FEWEST, NOBODY, Seed, grow};
 use crate::merging::merge;
 use crate::neighbors::PointTree;
-use crate::noise::spread_noise;
+use crate::noise::{common_noise, spread_noise};
 use crate::normals::{LocalPlane, THICKEST};
 use crate::regions::{self, compete};
 use crate::roughness::Surfaces;
@@ -63,7 +63,9 @@ pub fn segment(
     } else {
         let noise = spread_noise(&graph, &local, step, points.len(), workers)?;
         tree.thin_planes(&mut local, &noise, step, workers)?;
-        (noise, Surfaces::of(tree, &local, step, workers)?)
+        let surfaces = Surfaces::of(tree, &local, step, workers)?;
+        let common = common_noise(&local).filter(|_| surfaces == Surfaces::Smooth);
+        (common.map_or(noise, |sigma| vec![sigma as f32; points.len()]), surfaces)
     };
     let seeds = seeds(tree, &local, step, &noise);
     let mut labels = grow(tree, &graph, &noise, &local, step, &seeds, workers)?;

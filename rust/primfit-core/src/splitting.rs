@@ -1,9 +1,10 @@
-//! Planes that are two: cut where two planes explain much more.
+//! Planes that are two: cut where two planes explain much more, or where a gap is between them.
 
+use crate::gaps::{Cut, gap};
 use crate::merging::Freedom;
 use crate::regions::{Members, Region};
 use crate::roughness::Surfaces;
-use crate::spread::{Moments, Sums, axes_across, dot};
+use crate::spread::{Moments, Spread, Sums, axes_across, dot};
 use crate::{Vector, Workers};
 use rayon::prelude::{IntoParallelIterator, ParallelIterator};
 
@@ -17,21 +18,19 @@ const MOST: usize = 4096;
 /// Fewest points on either side.
 const FEWEST: f64 = 10.0;
 
-/// A straight cut: points whose product with `along` is greater than `at` are the second part.
-#[derive(Debug, Clone, Copy)]
-struct Cut {
-    along: Vector,
-    at: f64,
-}
-
-/// New labels after cutting each region of smooth surfaces that two planes explain better.
+/// New labels after cutting each region of smooth surfaces that is in two pieces, or that two planes
+/// explain better.
 pub fn split(points: &[Vector], regions: &[Region], labels: &[i32], workers: &Workers) -> Vec<i32> {
     let freedom = Freedom::of(Surfaces::Smooth, regions);
     let members = Members::of(labels);
     let cuts: Vec<Option<Cut>> = workers.install(|| {
         (0..regions.len())
             .into_par_iter()
-            .map(|k| best_cut(points, members.get(k), &regions[k], freedom))
+            .map(|k| {
+                let (places, spread) = (members.get(k), regions[k].spread());
+                gap(points, places, &spread)
+                    .or_else(|| best_cut(points, places, &regions[k], &spread, freedom))
+            })
             .collect()
     });
     let mut labels = labels.to_vec();
@@ -48,12 +47,17 @@ pub fn split(points: &[Vector], regions: &[Region], labels: &[i32], workers: &Wo
     labels
 }
 
-fn best_cut(points: &[Vector], places: &[u32], region: &Region, freedom: Freedom) -> Option<Cut> {
+fn best_cut(
+    points: &[Vector],
+    places: &[u32],
+    region: &Region,
+    spread: &Spread,
+    freedom: Freedom,
+) -> Option<Cut> {
     if (places.len() as f64) < 2.0 * FEWEST {
         return None;
     }
-    let spread = region.spread();
-    let variance = freedom.variance([(region, &spread); 2], &spread);
+    let variance = freedom.variance([(region, spread); 2], spread);
     let count = region.moments.count;
     let squares = spread.variances[0] * count;
     if squares / variance - count < freedom.worth([count - FEWEST, FEWEST]) {
