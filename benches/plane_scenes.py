@@ -229,14 +229,16 @@ def pcd_with_labels(file: Path) -> tuple[np.ndarray, np.ndarray]:
     return points[finite], label[finite].astype(int)
 
 
-GENERATED: dict[str, Callable[[], list[Scene]]] = {
-    "prisms10": lambda: [prisms(10, seed) for seed in (1, 2, 3)],
-    "prisms25": lambda: [prisms(25, seed) for seed in (1, 2, 3)],
-    "prisms50": lambda: [prisms(50, seed) for seed in (1, 2, 3)],
-    "polyhedra": lambda: [polyhedra(1)],
-    "building": lambda: [building(1)],
-    "mixed": lambda: [mixed(1)],
+GENERATED: dict[str, tuple[Callable[[int], Scene], tuple[int, ...]]] = {
+    "prisms10": (lambda seed: prisms(10, seed), (1, 2, 3)),
+    "prisms25": (lambda seed: prisms(25, seed), (1, 2, 3)),
+    "prisms50": (lambda seed: prisms(50, seed), (1, 2, 3)),
+    "polyhedra": (polyhedra, (1,)),
+    "building": (building, (1,)),
+    "mixed": (mixed, (1,)),
 }
+"""How a scene is made from a seed, and the seeds that are used if none are given."""
+
 RECORDED: dict[str, Callable[[Path], list[Scene]]] = {
     "roofs": roofs,
     "board": boards,

@@ -3,6 +3,7 @@
     python benches/planes.py                              everything that takes seconds
     python benches/planes.py roofs board --peers          those, and the peers
     python benches/planes.py prisms25 --told              with the noise given to primfit
+    python benches/planes.py prisms25 --seeds 601 602     other scenes than 1, 2 and 3
 
 PRIMFIT_DATA names the folder of the recorded clouds. Peers come with the extra "bench"; they are
 given what they need: Open3D the settings of its tutorial on planar patches; pyransac3d, and CGAL's
@@ -213,24 +214,26 @@ def board_rows(found: list[tuple[Scene, primfit.Planes]]) -> None:
             print(f"angle of poses {a} and {b}: {ours_:.2f} deg, camera {camera:.2f} deg")
 
 
-def scenes_of(group: str, data: Path) -> list[Scene]:
+def scenes_of(group: str, data: Path, seeds: list[int] | None) -> list[Scene]:
     if group in plane_scenes.GENERATED:
-        return plane_scenes.GENERATED[group]()
+        scene, default = plane_scenes.GENERATED[group]
+        return [scene(seed) for seed in seeds or default]
     return plane_scenes.RECORDED[group](data)
 
 
-def run_one(group: str, number: int, method: str, told: bool, data: Path) -> dict[str, object]:
+def run_one(args: argparse.Namespace, data: Path) -> dict[str, object]:
     """One method on one scene, in this process."""
+    group, number, method = args.one
     # Made elsewhere, so that making the scene does not set the peak of the memory.
     with ProcessPoolExecutor(1) as elsewhere:
-        scene = elsewhere.submit(scenes_of, group, data).result()[number]
+        scene = elsewhere.submit(scenes_of, group, data, args.seeds).result()[int(number)]
     threshold = None if scene.sigma is None else 3 * scene.sigma
     if method != "primfit" and threshold is None:
         threshold = 3 * ours(scene, None).sigma
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     start, wall = time.process_time(), time.perf_counter()
     if method == "primfit":
-        labels = ours(scene, threshold if told else None).labels
+        labels = ours(scene, threshold if args.told else None).labels
     else:
         labels = PEERS[method][1](scene, threshold)
     seconds, wall = time.process_time() - start, time.perf_counter() - wall
@@ -246,12 +249,12 @@ def main() -> None:
     parser.add_argument("groups", nargs="*", help=", ".join(groups))
     parser.add_argument("--peers", action="store_true")
     parser.add_argument("--told", action="store_true", help="give primfit the noise too")
+    parser.add_argument("--seeds", nargs="+", type=int, help="of the generated scenes")
     parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
     args = parser.parse_args()
     data = Path(os.environ.get("PRIMFIT_DATA", Path(__file__).parents[2] / "shared" / "data"))
     if args.one:
-        group, number, method = args.one
-        print(json.dumps(run_one(group, int(number), method, args.told, data)))
+        print(json.dumps(run_one(args, data)))
         return
     methods = ["primfit"]
     print("primfit", primfit.__version__)
@@ -263,25 +266,46 @@ def main() -> None:
             print(package, "is not installed")
     print("recall and precision at IoU 0.5 / 0.8; F at 0.75; normal error against the true points")
     for group in args.groups or [g for g in groups if g != "building"]:
-        scenes = scenes_of(group, data)
-        for number in range(len(scenes)):
-            for method in methods:
-                command = [sys.executable, __file__, "--one", group, str(number), method]
-                told = ["--told"] if args.told else []
-                print(outcome(scenes[number].name, method, [*command, *told]), flush=True)
+        scenes = scenes_of(group, data, args.seeds)
+        options = ["--told"] * args.told
+        options += ["--seeds", *map(str, args.seeds)] if args.seeds else []
+        rows = [
+            outcome(scene.name, method, ["--one", group, str(number), method, *options])
+            for number, scene in enumerate(scenes)
+            for method in methods
+        ]
+        for method in methods if len(scenes) > 1 else ():
+            averages(group, [row for row in rows if row.get("method") == method])
         if group == "board":
             board_rows([(scene, ours(scene, None)) for scene in scenes])
 
 
-def outcome(scene: str, method: str, command: list[str]) -> str:
-    """One line of the table, from a process of its own."""
+def outcome(scene: str, method: str, options: list[str]) -> dict:
+    """One row of the table, printed, from a process of its own; empty when it fails."""
+    command = [sys.executable, __file__, *options]
     try:
         result = subprocess.run(command, capture_output=True, text=True, timeout=TIME_LIMIT)
     except subprocess.TimeoutExpired:
-        return f"{scene:30s} {method:12s} stopped after {TIME_LIMIT:g} s"
+        print(f"{scene:30s} {method:12s} stopped after {TIME_LIMIT:g} s", flush=True)
+        return {}
     if result.returncode:
-        return f"{scene:30s} {method:12s} failed: {result.stderr.splitlines()[-1]}"
-    return line(json.loads(result.stdout))
+        print(f"{scene:30s} {method:12s} failed: {result.stderr.splitlines()[-1]}", flush=True)
+        return {}
+    row = json.loads(result.stdout)
+    print(line(row), flush=True)
+    return row
+
+
+def averages(group: str, rows: list[dict]) -> None:
+    """Means of recall and precision over scenes with a truth, printed."""
+    names = ("planes", "recall_0.5", "recall_0.8", "precision_0.5", "precision_0.8", "f_0.75")
+    if rows and "f_0.75" in rows[0]:
+        planes, *rest = (np.mean([row[name] for row in rows]) for name in names)
+        print(
+            f"{f'mean of {len(rows)} {group}':30s} {rows[0]['method']:12s} {planes:5.1f} planes, "
+            "R {:.3f}/{:.3f} P {:.3f}/{:.3f} F {:.3f}".format(*rest),
+            flush=True,
+        )
 
 
 def line(row: dict) -> str:

@@ -202,3 +202,44 @@ fn touching(graph: &Graph, labels: &[i32], n: usize) -> Vec<BTreeMap<usize, f64>
     }
     touching
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::neighbors::PointTree;
+    use crate::regions;
+    use crate::{Vector, Workers};
+
+    /// How many planes are left of two squares of one plane, of 30 cm, so far from each other.
+    fn left(apart: f64) -> usize {
+        let square = |k: u32, at: f64| {
+            (0..k).map(move |i| {
+                let (u, v) = (f64::from(i) * 0.618_034 % 1.0, f64::from(i) * 0.754_878 % 1.0);
+                [at + 0.3 * u, 0.3 * v, 0.004 * f64::from(i).powi(2).sin()]
+            })
+        };
+        let points: Vec<Vector> = square(300, 0.0).chain(square(300, 0.3 + apart)).collect();
+        let workers = Workers::new(Some(1), &(|| true)).unwrap();
+        let tree = PointTree::new(&points);
+        let graph = Graph::new(&tree, 24, 96, &workers).unwrap();
+        let labels: Vec<i32> = tree.points().iter().map(|p| i32::from(p[0] > 0.3)).collect();
+        let noise = vec![0.003; points.len()];
+        let regions = regions::fit(tree.points(), &noise, &labels, &workers);
+        let mut merged = merge(&graph, &regions, &labels, Surfaces::Smooth);
+        merged.sort_unstable();
+        merged.dedup();
+        merged.len()
+    }
+
+    #[test]
+    fn halves_are_one_plane() {
+        assert_eq!(left(0.0), 1);
+    }
+
+    #[test]
+    fn pieces_with_a_gap_between_them_stay_two() {
+        assert_eq!(left(0.1), 2);
+    }
+}

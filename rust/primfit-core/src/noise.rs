@@ -83,3 +83,36 @@ fn mean(places: &[u32], noise: &[f32]) -> f32 {
     }
     f64::exp(sum / count) as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Flat neighbourhoods of 100 points, each a little off its noise.
+    fn flat(n: u32, noise: impl Fn(u32) -> f64) -> Vec<LocalPlane> {
+        let off = |i: u32| 1.0 + 0.1 * (f64::from(i) * 0.618_034 % 1.0 - 0.5);
+        let of = |i| LocalPlane { sigma: off(i) * noise(i), size: 100, ..LocalPlane::default() };
+        (0..n).map(|i| LocalPlane { is_flat: true, ..of(i) }).collect()
+    }
+
+    #[test]
+    fn noise_that_differs_by_chance_is_one() {
+        let common = common_noise(&flat(500, |_| 0.02));
+        assert!(common.is_some_and(|sigma| (sigma / 0.02 - 1.0).abs() < 0.05));
+    }
+
+    #[test]
+    fn noise_that_differs_is_not_one() {
+        assert_eq!(common_noise(&flat(500, |i| if i % 4 == 0 { 0.03 } else { 0.02 })), None);
+    }
+
+    #[test]
+    fn few_and_what_is_not_flat_tell_nothing() {
+        assert_eq!(common_noise(&flat(FEWEST as u32 - 1, |_| 0.02)), None);
+        let bent: Vec<LocalPlane> = flat(500, |_| 0.02)
+            .into_iter()
+            .map(|plane| LocalPlane { is_flat: false, ..plane })
+            .collect();
+        assert_eq!(common_noise(&bent), None);
+    }
+}
