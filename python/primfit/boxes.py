@@ -42,8 +42,8 @@ def boxes_among(
 ) -> list[FoundPolyhedron]:
     """Boxes of which planes that meet are two or three faces, the ones with more and larger first.
 
-    With two, or with three where normals are not `facing` the sensor, the box must rest on a plane
-    that goes on beyond it.
+    Two must rest on a plane that goes on beyond the box; where normals are not `facing` the sensor,
+    three must, since two may be a corner of a room.
     """
     square = nx.Graph(
         (i, j)
@@ -143,7 +143,8 @@ class _Box:
 
     def is_there(self, faces: list[Face], facing: bool) -> bool:
         """Whether what was seen fills its faces, and there is a solid behind them."""
-        if not self.resting and (len(self.seen) < 3 or not facing):
+        told = len(self.seen) > 2, bool(self.resting)
+        if not (any(told) if facing else all(told)):
             return False
         for number, plane in self.seen.items():
             outward = self.frame[number // 2] * (2 * (number % 2) - 1)

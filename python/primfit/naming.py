@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -48,19 +50,23 @@ def _named(solid: Polyhedron, spread: Floats, most: float) -> tuple[Shape, Float
     The smallest one counts that gives it a name, but faces that lean a little lean by chance. And
     sizes that differ by less than three deviations are one size.
     """
-    tolerances = np.geomspace(EQUAL, most, _TOLERANCES).tolist()
-    shapes = [shape_of(solid.vertices, solid.faces, tolerance) for tolerance in tolerances]
-    names = [shape.kind for shape in shapes]
-    leaning = "prism" if len(solid.faces) < 7 else "polyhedron"
-    first = next((k for k, name in enumerate(names) if name not in ("polyhedron", leaning)), 0)
-    covariance = _covariance(solid, shapes[first], spread, tolerances[first])
-    for k in range(first + 1, _TOLERANCES):
-        if names[k] in ("cube", "square") and names[first] in ("box", "rectangle"):
-            sizes = np.sort(np.atleast_1d(shapes[first].size))
-            deviation = np.sqrt(covariance.diagonal()[6:].sum())
-            if sizes[-1] - sizes[0] <= 3.0 * deviation:
-                return shapes[k], _covariance(solid, shapes[k], spread, tolerances[k])
-    return shapes[first], covariance
+    tries = (
+        (shape_of(solid.vertices, solid.faces, tolerance), tolerance)
+        for tolerance in np.geomspace(EQUAL, most, _TOLERANCES).tolist()
+    )
+    strictest = next(tries)
+    nameless = ("polyhedron", "prism" if len(solid.faces) < 7 else "polyhedron")
+    shape, tolerance = next(
+        (each for each in chain([strictest], tries) if each[0].kind not in nameless), strictest
+    )
+    covariance = _covariance(solid, shape, spread, tolerance)
+    if shape.kind in ("box", "rectangle"):
+        sizes = np.atleast_1d(shape.size)
+        deviation = np.sqrt(covariance.diagonal()[6:].sum())
+        for equal, tolerance in tries if np.ptp(sizes) <= 3.0 * deviation else ():
+            if equal.kind in ("cube", "square"):
+                return equal, _covariance(solid, equal, spread, tolerance)
+    return shape, covariance
 
 
 def _covariance(solid: Polyhedron, shape: Shape, spread: Floats, tolerance: float) -> Floats:

@@ -31,6 +31,11 @@ def find_polyhedra(
     of several faces end, which is known only to the spacing of the points. Edges shorter than about
     five spacings and five standard deviations of the noise are not seen.
 
+    Of planes that do not close, three that meet at nearly right angles, fill what they would be of
+    a box, and end in a plane that goes on beyond it, are taken for that box; where planes are
+    `facing`, two of them with such a plane, or three without. What a depth camera bends counts as
+    straight, and the covariance tells how far it is off.
+
     Parameters
     ----------
     planes : iterable of Plane
