@@ -13,9 +13,9 @@ use crate::roughness::Surfaces;
 use crate::splitting::split;
 use crate::{Error, Workers};
 
-/// Points of which each gets a local plane; of more, every second, third ... up to eighth does.
-const MOST_LOCAL: usize = 250_000;
-const MOST_STEP: usize = 8;
+/// Points of which each gets a local plane; of more, every second, third ... up to 32nd does.
+const MOST_LOCAL: usize = 62_500;
+const MOST_STEP: usize = 32;
 /// Least and most nearest neighbours that a point touches: half of what shows a plane.
 const NEAREST: (usize, usize) = (10, 64);
 /// Neighbours that are looked at for those that bridge gaps, fewer in clouds that are large.
