@@ -72,10 +72,12 @@ def find_polyhedra(
     solids, shells = [], []
     for group in sorted(sorted(each) for each in nx.connected_components(graph)):
         solid = closed_solid(group, faces, graph, facing)
-        # Where half of a solid is inferred, a box that explains the other half is likelier.
         found = [] if solid is None else [solid]
-        if solid is None or solid.planes.count(OPEN) > 2:
-            found = boxes_among(group, faces, graph, facing) or found
+        if solid is None or OPEN in solid.planes:
+            boxes = boxes_among(group, faces, graph, facing)
+            # Where faces are inferred, a box that explains all others is likelier.
+            if solid is None or any(set(group) <= set(box.planes) for box in boxes):
+                found = boxes
         solids += [each.moved(place) for each in found]
         rest = graph.subgraph(set(group).difference(*(each.planes for each in found)))
         shells += [tuple(sorted(each)) for each in nx.connected_components(rest) if len(each) > 1]
