@@ -51,11 +51,14 @@ pub fn gap(points: &[Vector], places: &[u32], spread: &Spread) -> Option<Cut> {
     best.filter(|cut| are_pieces(points, places, cut))
 }
 
-/// Whether both parts have a width.
+/// Whether both parts have a width; one may be empty where values differ by rounding alone.
 fn are_pieces(points: &[Vector], places: &[u32], cut: &Cut) -> bool {
     let some = places.iter().map(|&place| &points[place as usize]);
     let (after, before): (Vec<&Vector>, Vec<&Vector>) =
         some.partition(|point| dot(&cut.along, point) > cut.at);
+    if before.is_empty() || after.is_empty() {
+        return false;
+    }
     let parts = [before, after].map(|part| Moments::of(part.iter().copied(), part[0]).spread());
     let away: Vector = std::array::from_fn(|axis| parts[0].mean[axis] - parts[1].mean[axis]);
     let least = NARROWEST * dot(&away, &away).sqrt();
@@ -127,6 +130,15 @@ mod tests {
         for rows in [2.0, 3.0, 4.0] {
             let points = plane(|_, v| (v * rows).fract() < 0.02);
             assert!(cut(&points).is_none(), "{rows}");
+        }
+    }
+
+    #[test]
+    fn a_cut_that_rounding_moved_beside_all_points_is_none() {
+        let points = plane(|_, _| true);
+        let places: Vec<u32> = (0..points.len() as u32).collect();
+        for at in [-1.0, 2.0] {
+            assert!(!are_pieces(&points, &places, &Cut { along: [1.0, 0.0, 0.0], at }));
         }
     }
 }
