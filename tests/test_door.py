@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import signal
 import subprocess
 import sys
@@ -155,6 +157,18 @@ def test_other_threads_run_meanwhile():
     done.set()
     counter.join()
     assert sum(start < tick < stop for tick in ticks) >= 3
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes that fork")
+@pytest.mark.parametrize("n_jobs", [None, 2])
+def test_a_forked_process_has_threads_of_its_own(n_jobs):
+    """Threads do not survive a fork; work that waits for them would never end."""
+    points = np.random.default_rng(1).uniform(size=(5000, 3))
+    normals = primfit.estimate_normals(points, n_jobs=n_jobs)
+    forking = multiprocessing.get_context("fork")
+    with forking.Pool(1) as pool:
+        theirs = pool.apply_async(primfit.estimate_normals, (points,), {"n_jobs": n_jobs})
+        np.testing.assert_array_equal(theirs.get(timeout=60), normals)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")

@@ -14,7 +14,7 @@ from primfit.carving import Seed
 from primfit.fitting import Fit, Top, approach, climb, find_top, narrowed, settle
 from primfit.sampling import QUICK, THOROUGH, Effort
 from primfit.scene import Obstacle, Scene
-from primfit.templates import RECTANGLE, TEMPLATES, Shape, Template, kin
+from primfit.templates import RECTANGLE, TEMPLATES, FreePolygon, Shape, Template, kin
 
 _OUT = 0.1
 """How far a solid may leave its seed, beyond a cell, as a fraction of the seed's size and area."""
@@ -43,6 +43,10 @@ _SHORTLIST = 5
 _RIVALS = 15.0
 """Log-evidence that a kind may lack against the best to stay in the competition."""
 
+_LOOSE = 20.0
+"""Log-evidence by which that of a free polygon may be too large: it is an upper bound, and the looser
+the freer a corner is, as one is that may slide along a wall."""
+
 _BEHIND = 1500.0
 """Log-likelihood by which a climb may be behind the best to be sampled: silhouettes hold climbs."""
 
@@ -66,6 +70,8 @@ class Contender:
     fit : Fit
         Mean and covariance of its posterior, once it is sampled.
     top : Top
+    best : (d,) float64
+        Parameters of the least cost seen.
     evidence : float
         Logarithm of the likelihood of the kind, whatever its parameters; before it is sampled,
         that of the fit.
@@ -75,6 +81,7 @@ class Contender:
 
     fit: Fit
     top: Top
+    best: Floats
     evidence: float
     stride: int = 0
 
@@ -191,7 +198,11 @@ def _sorted_within(scene: Scene, seed: Seed, fits: list[Fit]) -> list[Fit]:
 
 def as_body(fits: list[Fit], top: Top, seed: Seed) -> Body:
     """Fits that have not been sampled as a body, the best first."""
-    return Body(tuple(Contender(fit, top, -fit.cost) for fit in fits), seed)
+    return Body(tuple(_unsampled(fit, top) for fit in fits), seed)
+
+
+def _unsampled(fit: Fit, top: Top) -> Contender:
+    return Contender(fit, top, fit.parameters, -fit.cost)
 
 
 def compete_finely(scene: Scene, bodies: list[Body], first: int, rng: np.random.Generator) -> None:
@@ -223,7 +234,7 @@ def _compete_again(
         fits = [fit for fit in climbs if _is_around(fit, body.obstacle)] or fits
         least = min(fit.cost for fit in fits)
         fits = with_kin(beams, fits, top.z)
-        starts = [Contender(fit, top, -fit.cost) for fit in fits if fit.cost <= least + _BEHIND]
+        starts = [_unsampled(fit, top) for fit in fits if fit.cost <= least + _BEHIND]
     for stride in levels:
         some, contenders, worst = beams.some(stride), [], np.inf
         for start in starts:
@@ -241,16 +252,31 @@ def weigh(scene: Scene, i: int, body: Body, rng: np.random.Generator) -> Body:
     It meets its rivals and its kin once more, since neighbours were known less when it beat them.
     """
     beams = _near(scene, i, body)
-    best = body.contenders[0].fit
+    best = body.contenders[0]
     # All start from one top: few beams tell little of it, and one may hold a sampler where it is.
-    top = find_top(beams, best.footprint)
+    top = find_top(beams, body.footprint)
     shapes = [each.fit.shape for each in body.contenders]
-    relatives = [climb(beams, *start, top.z) for start in kin(best.shape, best.parameters)]
-    strangers = [Contender(fit, top, -fit.cost) for fit in relatives if fit.shape not in shapes]
+    # Between corners that may slide along a wall, a mean is no good place to start from.
+    relatives = [climb(beams, *start, top.z) for start in kin(best.fit.shape, best.best)]
+    strangers = [_unsampled(fit, top) for fit in relatives if fit.shape not in shapes]
+    strangers = [_sampled(scene, beams, each, 1, rng, QUICK) for each in strangers]
     starts = [*(replace(each, top=top) for each in body.contenders), *strangers]
     rivals = [_sampled(scene, beams, each, 1, rng, THOROUGH) for each in starts]
-    winner = max(rivals, key=lambda each: each.evidence)
+    winner = _simplest(rivals)
     return Body((replace(winner, fit=_longest_first(winner.fit)),), body.seed)
+
+
+def _simplest(rivals: list[Contender]) -> Contender:
+    """The most likely one; of free polygons about as likely, the one with the fewest corners."""
+    winner = max(rivals, key=lambda each: each.evidence)
+    if not isinstance(winner.fit.shape, FreePolygon):
+        return winner
+    as_likely = [
+        each
+        for each in rivals
+        if isinstance(each.fit.shape, FreePolygon) and each.evidence >= winner.evidence - _LOOSE
+    ]
+    return min(as_likely, key=lambda each: each.fit.shape.n_parameters)
 
 
 def _longest_first(fit: Fit) -> Fit:
@@ -286,7 +312,7 @@ def _sampled(
     fit = narrowed(start.fit, start.stride / stride) if start.stride else start.fit
     fit, top, found = settle(beams, fit, start.top, rng, effort, worst)
     evidence = found.log_evidence + fit.shape.log_prior(scene.noise.reach)
-    return Contender(fit, top, evidence, stride)
+    return Contender(fit, top, found.best[: fit.shape.n_parameters], evidence, stride)
 
 
 def with_kin(beams: Beams, fits: list[Fit], top: float) -> list[Fit]:

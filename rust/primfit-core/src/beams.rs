@@ -1,16 +1,16 @@
-//! Beams as the likelihood kernels read them: by coordinate, in blocks that fit the cache.
-//!
-//! The loops over a block are written for vectors: conditions are joined without branches, and
-//! least ranges are taken without a choice between old and new, which would become stores under a
-//! mask, slow on some processors.
-
-#![allow(clippy::needless_bitwise_bool)]
+//! Beams as the likelihood kernels read them: by coordinate, in blocks that fill registers.
 
 use crate::Vector;
+use crate::lanes::Lanes;
 use crate::likelihood::Candidate;
 
-/// Beams that stay in the first-level cache while the edges of a prism pass over them.
-pub const BLOCK: usize = 64;
+/// Beams that the edges of a prism pass at a time.
+pub(crate) const BLOCK: usize = 16;
+
+/// Numbers of the beams of a block.
+pub(crate) trait Row: Lanes<Array = [Real; BLOCK]> {}
+
+impl<L: Lanes<Array = [Real; BLOCK]>> Row for L {}
 
 /// Beams, and what they meet when the solid in question is not there.
 #[derive(Clone, Copy)]
@@ -38,9 +38,6 @@ pub struct Prices {
     pub missing: f64,
 }
 
-/// Sums side by side, as many as a register holds.
-pub(crate) const LANES: usize = 8;
-
 /// Precision of the kernels: twice as many numbers a register as in double precision, and an error
 /// of a ten-millionth of the sensor's reach, since they are taken from the middle of the beams.
 pub(crate) type Real = f32;
@@ -51,8 +48,6 @@ pub struct BeamBlocks {
     /// Middle of the origins, from which all places are taken.
     middle: Vector,
     pub(crate) max_range: Real,
-    pub(crate) outlier: Real,
-    missing: Real,
     len: usize,
 }
 
@@ -64,11 +59,21 @@ pub(crate) struct Block {
     pub range: [Real; BLOCK],
     pub background: [Real; BLOCK],
     pub precision: [Real; BLOCK],
+    /// Most that a beam costs where a surface is in range, and what it costs where none is.
+    pub most: [Real; BLOCK],
+    nothing: [Real; BLOCK],
     ux: [Real; BLOCK],
     uy: [Real; BLOCK],
     across: [Real; BLOCK],
     before: [Real; BLOCK],
     pub level: [Real; BLOCK],
+}
+
+/// Where the beams of a block pass a corner: on which side, and how far along they come nearest.
+#[derive(Clone, Copy)]
+pub(crate) struct Passage<L> {
+    pub side: L,
+    pub depth: L,
 }
 
 /// An upright prism as the blocks see it: relative to the middle of their beams.
@@ -78,6 +83,24 @@ pub(crate) struct Walls {
     pub top: Real,
 }
 
+#[allow(clippy::inline_always)]
+impl<L: Row> Passage<L> {
+    /// Negative where a beam passes between two corners.
+    #[inline(always)]
+    pub fn is_between(self, next: Self) -> L {
+        self.side.flip(next.side)
+    }
+
+    /// What share of the way to the second corner a beam passes at, and how far along it that is.
+    #[inline(always)]
+    pub fn crossing(self, next: Self) -> (L, L) {
+        let share = self.side / (self.side - next.side);
+        (share, self.depth + share * (next.depth - self.depth))
+    }
+}
+
+// Parts of loops that are compiled for several instruction sets.
+#[allow(clippy::inline_always)]
 impl Block {
     const EMPTY: Self = Self {
         z: [Real::INFINITY; BLOCK],
@@ -85,6 +108,8 @@ impl Block {
         range: [Real::INFINITY; BLOCK],
         background: [Real::INFINITY; BLOCK],
         precision: [0.0; BLOCK],
+        most: [0.0; BLOCK],
+        nothing: [0.0; BLOCK],
         ux: [0.0; BLOCK],
         uy: [0.0; BLOCK],
         across: [0.0; BLOCK],
@@ -92,68 +117,72 @@ impl Block {
         level: [0.0; BLOCK],
     };
 
-    /// On which side of a corner each beam passes, and how far along it comes nearest.
-    // Part of loops that are compiled for several instruction sets.
-    #[allow(clippy::inline_always)]
     #[inline(always)]
-    pub fn corner(&self, [x, y]: [Real; 2]) -> ([Real; BLOCK], [Real; BLOCK]) {
-        let (mut side, mut depth) = ([0.0; BLOCK], [0.0; BLOCK]);
-        for i in 0..BLOCK {
-            side[i] = x * self.uy[i] - y * self.ux[i] - self.across[i];
-            depth[i] = (x * self.ux[i] + y * self.uy[i] - self.before[i]) * self.level[i];
+    pub fn pass<L: Row>(&self, [x, y]: [Real; 2]) -> Passage<L> {
+        let (x, y) = (L::splat(x), L::splat(y));
+        let (ux, uy) = (L::load(&self.ux), L::load(&self.uy));
+        Passage {
+            side: x * uy - y * ux - L::load(&self.across),
+            depth: (x * ux + y * uy - L::load(&self.before)) * L::load(&self.level),
         }
-        (side, depth)
     }
 
     /// Range of what each beam meets first: walls from both sides, the top from above, or what is
     /// at `limit`.
-    // Part of loops that are compiled for several instruction sets.
-    #[allow(clippy::inline_always)]
     #[inline(always)]
-    pub fn meet(&self, walls: &Walls, limit: [Real; BLOCK]) -> [Real; BLOCK] {
-        let &Walls { bottom, top, ref corners } = walls;
+    pub fn meet<L: Row>(&self, walls: &Walls, limit: L) -> L {
+        let (zero, one, never) = (L::splat(0.0), L::splat(1.0), L::splat(Real::INFINITY));
+        let (bottom, top) = (L::splat(walls.bottom), L::splat(walls.top));
+        let (z, uz) = (L::load(&self.z), L::load(&self.uz));
+        let over = !z.le(top) & !zero.le(uz) & ((1 << BLOCK) - 1);
+        let descent = (top - z) / uz;
+        // Negative after an odd number of walls beyond the height of the top.
+        let mut beyond = one;
         let mut nearest = limit;
-        let descent: [Real; BLOCK] = std::array::from_fn(|i| (top - self.z[i]) / self.uz[i]);
-        let (mut from_above, mut beyond) = (0, [0_u32; BLOCK]);
-        for i in 0..BLOCK {
-            from_above |= u32::from(self.z[i] > top && self.uz[i] < 0.0);
-        }
-        let (mut side, mut depth) = self.corner(corners[corners.len() - 1]);
-        for &corner in corners {
-            let (next_side, next_depth) = self.corner(corner);
-            for i in 0..BLOCK {
-                let crosses = (side[i] < 0.0) != (next_side[i] < 0.0);
-                let share = side[i] / (side[i] - next_side[i]);
-                let range = depth[i] + share * (next_depth[i] - depth[i]);
-                let z = self.z[i] + range * self.uz[i];
-                let meets = crosses & (range >= 0.0) & (z >= bottom) & (z <= top);
-                nearest[i] = least(nearest[i], if meets { range } else { Real::INFINITY });
-                // Walls crossed after the height of the top tell whether it is met inside.
-                beyond[i] ^= from_above & u32::from(crosses & (range > descent[i]));
+        let mut last = self.pass(walls.corners[walls.corners.len() - 1]);
+        for &corner in &walls.corners {
+            let next = self.pass(corner);
+            let (_, range) = last.crossing(next);
+            let height = z + range * uz;
+            let met = height.where_le(top, range, never);
+            let met = bottom.where_le(height, met, never);
+            let met = zero.where_le(range, met, never);
+            let is_between = last.is_between(next);
+            nearest = nearest.min(is_between.where_negative(met, never));
+            if over != 0 {
+                let side = descent.where_le(range, zero - one, one);
+                beyond = beyond.flip(is_between.where_negative(side, one));
             }
-            (side, depth) = (next_side, next_depth);
+            last = next;
         }
-        for i in 0..BLOCK {
-            let over = (self.z[i] > top) & (self.uz[i] < 0.0);
-            let meets = (beyond[i] != 0) & over;
-            nearest[i] = least(nearest[i], if meets { descent[i] } else { Real::INFINITY });
+        if over != 0 {
+            let met = beyond.where_negative(descent, never);
+            let met = zero.where_le(uz, never, met);
+            nearest = nearest.min(z.where_le(top, never, met));
         }
         nearest
     }
-}
 
-/// The smaller of two numbers of which none is NaN.
-// Part of loops that are compiled for several instruction sets.
-#[allow(clippy::inline_always)]
-#[inline(always)]
-fn least(a: Real, b: Real) -> Real {
-    if a < b { a } else { b }
+    /// Cost of beams that should meet a surface at `expected`, those beyond `max_range` none.
+    #[inline(always)]
+    pub fn costs<L: Row>(&self, expected: L, max_range: Real) -> L {
+        let residual = self.residuals(expected);
+        let explained = (L::splat(0.5) * residual * residual).min(L::load(&self.most));
+        expected.where_le(L::splat(max_range), explained, L::load(&self.nothing))
+    }
+
+    /// By how many standard deviations ranges exceed what is expected.
+    #[inline(always)]
+    pub fn residuals<L: Row>(&self, expected: L) -> L {
+        (L::load(&self.range) - expected) * L::load(&self.precision)
+    }
 }
 
 impl BeamBlocks {
     /// Beams of equally long slices.
     #[must_use]
     pub fn new(beams: Beams, prices: Prices) -> Self {
+        let Prices { max_range, outlier, missing } = prices;
         let len = beams.ranges.len();
         let scale = 1.0 / len.max(1) as f64;
         let middle = std::array::from_fn(|x| {
@@ -174,13 +203,14 @@ impl BeamBlocks {
                     block.across[i] = (x * uy - y * ux) as Real;
                     block.before[i] = (x * ux + y * uy) as Real;
                     block.level[i] = (1.0 / (ux * ux + uy * uy)) as Real;
+                    let is_return = beams.ranges[row] < f64::INFINITY;
+                    block.most[i] = (if is_return { outlier } else { missing }) as Real;
+                    block.nothing[i] = if is_return { outlier as Real } else { 0.0 };
                 }
                 block
             })
             .collect();
-        let Prices { max_range, outlier, missing } = prices;
-        let [max_range, outlier, missing] = [max_range, outlier, missing].map(|x| x as Real);
-        Self { blocks, middle, max_range, outlier, missing, len }
+        Self { blocks, middle, max_range: max_range as Real, len }
     }
 
     /// How many beams there are.
@@ -207,19 +237,5 @@ impl BeamBlocks {
             bottom: (candidate.bottom - z) as Real,
             top: (candidate.top - z) as Real,
         }
-    }
-
-    /// Cost of one beam that should meet a surface at `expected`.
-    // Part of loops that are compiled for several instruction sets.
-    #[allow(clippy::inline_always)]
-    #[inline(always)]
-    pub(crate) fn cost(&self, block: &Block, i: usize, expected: Real) -> Real {
-        let foreseen = expected <= self.max_range;
-        let returned = block.range[i] < Real::INFINITY;
-        let residual = (block.range[i] - expected) * block.precision[i];
-        let explained = (0.5 * residual * residual).min(self.outlier);
-        let unexpected = if returned { self.outlier } else { 0.0 };
-        let lost = if foreseen { self.missing } else { 0.0 };
-        if foreseen & returned { explained } else { unexpected + lost }
     }
 }

@@ -45,7 +45,7 @@ pub enum Error {
     #[error("stopped by the caller")]
     Stopped,
     /// The threads could not be started.
-    #[error("cannot start {n_threads} threads: {reason}")]
+    #[error("cannot start {n_threads} threads (0: as many as there are cores): {reason}")]
     Threads {
         /// How many were asked for.
         n_threads: usize,

@@ -5,12 +5,10 @@
 //! information matrix; the others, at silhouettes and edges, are left open, to be cast again for
 //! each candidate.
 
-// Conditions in loops that are to become vectors are joined without branches.
-#![allow(clippy::needless_bitwise_bool)]
-
-use crate::beams::{BLOCK, BeamBlocks, Block, LANES, Real, Walls};
+use crate::beams::{BLOCK, BeamBlocks, Block, Real, Row, Walls};
 use crate::instructions::widest;
-use crate::likelihood::Candidate;
+use crate::lanes::{Isa, Lanes};
+use crate::likelihood::{Candidate, RUN};
 
 /// Cost of a prism and how it changes with its corners.
 pub struct Expansion {
@@ -36,88 +34,99 @@ struct Sums {
 #[must_use]
 pub fn expand(beams: &BeamBlocks, candidate: &Candidate, slack: f64, top_slack: f64) -> Expansion {
     let walls = beams.walls(candidate);
-    let mut sums = vec![Sums::default(); walls.corners.len()];
-    let (mut cost, mut open) = (0.0, Vec::new());
-    for (number, block) in beams.blocks.iter().enumerate() {
-        let nearest = nearest(block, &walls);
-        let mut weight = [1.0; BLOCK];
-        if slack + top_slack > 0.0 {
-            let (slack, top_slack) = (slack as Real, top_slack as Real);
-            let may_change = may_change(block, &walls, &nearest, slack, top_slack, beams.max_range);
-            for i in 0..BLOCK.min(beams.len() - number * BLOCK) {
-                if may_change[i] != 0 {
-                    open.push(number * BLOCK + i);
-                    weight[i] = 0.0;
-                }
-            }
-        }
-        cost += add_slopes(block, &walls, &nearest, &weight, beams, &mut sums);
-    }
+    let slack = (slack + top_slack > 0.0).then_some([slack as Real, top_slack as Real]);
+    let (cost, sums, open) = sum_walls(beams, &walls, slack);
     let (gradient, information) = assemble(candidate, &sums);
     Expansion { cost, gradient, information, open }
 }
 
 widest! {
-fn nearest(block: &Block, walls: &Walls) -> [Real; BLOCK] {
-    block.meet(walls, block.background)
+fn sum_walls(
+    beams: &BeamBlocks,
+    walls: &Walls,
+    slack: Option<[Real; 2]>,
+) -> (f64, Vec<Sums>, Vec<usize>) {
+    type Lane = <Set as Isa>::Sixteen;
+    let (mut cost, mut sums) = (0.0, vec![Sums::default(); walls.corners.len()]);
+    let mut open = Vec::new();
+    let mut run_sums = vec![[Lane::splat(0.0); 5]; walls.corners.len()];
+    for (run, blocks) in beams.blocks.chunks(RUN).enumerate() {
+        run_sums.fill([Lane::splat(0.0); 5]);
+        let mut run_cost = Lane::splat(0.0);
+        for (block, number) in blocks.iter().zip(run * RUN..) {
+            let nearest = block.meet(walls, Lane::load(&block.background));
+            let mut weight = [1.0; BLOCK];
+            if let Some([slack, top_slack]) = slack {
+                let may_change =
+                    may_change(block, walls, nearest, slack, top_slack, beams.max_range);
+                let n_beams = BLOCK.min(beams.len() - number * BLOCK);
+                for (i, weight) in weight.iter_mut().enumerate().take(n_beams) {
+                    if may_change >> i & 1 == 1 {
+                        open.push(number * BLOCK + i);
+                        *weight = 0.0;
+                    }
+                }
+            }
+            let weight = Lane::load(&weight);
+            let costs = block.costs(nearest, beams.max_range);
+            run_cost = run_cost + weight * costs;
+            add_slopes(block, walls, nearest, weight, beams.max_range, &mut run_sums);
+        }
+        cost += total(run_cost);
+        for (sums, run_sums) in sums.iter_mut().zip(&run_sums) {
+            let totals = run_sums.map(total);
+            for (sum, total) in sums.gradient.iter_mut().chain(&mut sums.information).zip(totals) {
+                *sum += total;
+            }
+        }
+    }
+    (cost, sums, open)
 }
 }
 
-widest! {
-fn add_slopes(
+/// The sum of the lanes, in their order.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn total<L: Row>(lanes: L) -> f64 {
+    lanes.store().iter().copied().map(f64::from).sum()
+}
+
+/// Adds what the beams of a block that meet each wall say of its corners.
+// Part of loops that are compiled for several instruction sets.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn add_slopes<L: Row>(
     block: &Block,
     walls: &Walls,
-    nearest: &[Real; BLOCK],
-    weight: &[Real; BLOCK],
-    beams: &BeamBlocks,
-    sums: &mut [Sums],
-) -> f64 {
-    let mut costs = [0.0; LANES];
-    // Where the range counts: the residual in sigmas, and sigmas a metre.
-    let (mut residual, mut precision) = ([0.0; BLOCK], [0.0; BLOCK]);
-    for first in (0..BLOCK).step_by(LANES) {
-        for (lane, sum) in costs.iter_mut().enumerate() {
-            let i = first + lane;
-            let cost = beams.cost(block, i, nearest[i]);
-            *sum += weight[i] * cost;
-            let counts = (block.range[i] < Real::INFINITY)
-                & (nearest[i] <= beams.max_range)
-                & (cost < beams.outlier);
-            let off = (block.range[i] - nearest[i]) * block.precision[i];
-            residual[i] = if counts { off } else { 0.0 };
-            precision[i] = if counts { weight[i] * block.precision[i] } else { 0.0 };
-        }
-    }
-    let (mut side, mut depth) = block.corner(walls.corners[walls.corners.len() - 1]);
+    nearest: L,
+    weight: L,
+    max_range: Real,
+    sums: &mut [[L; 5]],
+) {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    // Sigmas a metre where the range counts, else nothing; there are no closures over lanes.
+    let residual = block.residuals(nearest);
+    let precision = weight * L::load(&block.precision);
+    let precision = nearest.where_le(L::splat(max_range), precision, zero);
+    let square = L::splat(0.5) * residual * residual;
+    let precision = L::load(&block.most).where_le(square, zero, precision);
+    let residual = zero.where_le(zero - precision, zero, residual);
+    let mut last = block.pass::<L>(walls.corners[walls.corners.len() - 1]);
     for (&corner, sums) in walls.corners.iter().zip(sums) {
-        let (next_side, next_depth) = block.corner(corner);
-        let mut lanes = [[0.0; LANES]; 5];
-        for start in (0..BLOCK).step_by(LANES) {
-            for (lane, i) in (start..start + LANES).enumerate() {
-                let width = side[i] - next_side[i];
-                let share = side[i] / width;
-                // The very steps by which the nearest was found, so it is found again.
-                let range = depth[i] + share * (next_depth[i] - depth[i]);
-                let crosses = (side[i] < 0.0) != (next_side[i] < 0.0);
-                let is_met = crosses & (range == nearest[i]);
-                let rate = if is_met { precision[i] / width } else { 0.0 };
-                let second = if is_met { share * rate } else { 0.0 };
-                let first = rate - second;
-                lanes[0][lane] -= residual[i] * first;
-                lanes[1][lane] -= residual[i] * second;
-                lanes[2][lane] += first * first;
-                lanes[3][lane] += first * second;
-                lanes[4][lane] += second * second;
-            }
-        }
-        let totals = lanes.map(|lanes| f64::from(lanes.iter().sum::<Real>()));
-        for (sum, total) in sums.gradient.iter_mut().chain(&mut sums.information).zip(totals) {
-            *sum += total;
-        }
-        (side, depth) = (next_side, next_depth);
+        let next = block.pass(corner);
+        // The very steps by which the nearest was found, so it is found again.
+        let (share, range) = last.crossing(next);
+        let met = range.where_le(nearest, nearest.where_le(range, last.is_between(next), one), one);
+        let rate = met.where_negative(precision / (last.side - next.side), zero);
+        let second = met.where_negative(share * rate, zero);
+        let first = rate - second;
+        sums[0] = sums[0] - residual * first;
+        sums[1] = sums[1] - residual * second;
+        sums[2] = sums[2] + first * first;
+        sums[3] = sums[3] + first * second;
+        sums[4] = sums[4] + second * second;
+        last = next;
     }
-    f64::from(costs.iter().sum::<Real>())
-}
 }
 
 /// The sums of the walls as derivatives by corner. A range changes with the corners of its wall
@@ -148,56 +157,50 @@ fn assemble(candidate: &Candidate, sums: &[Sums]) -> (Vec<f64>, Vec<f64>) {
     (gradient, matrix)
 }
 
-widest! {
-fn may_change(
+/// A bit for each beam of a block that may meet something else when corners and top move.
+// Part of loops that are compiled for several instruction sets.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn may_change<L: Row>(
     block: &Block,
     walls: &Walls,
-    nearest: &[Real; BLOCK],
+    nearest: L,
     slack: Real,
     top_slack: Real,
     max_range: Real,
-) -> [u32; BLOCK] {
-    let &Walls { bottom, top, ref corners } = walls;
-    let mut open = [0; BLOCK];
-    let mut crossed = [0; BLOCK];
+) -> u32 {
+    let zero = L::splat(0.0);
+    let (bottom, top) = (L::splat(walls.bottom), L::splat(walls.top));
+    let (z, uz) = (L::load(&block.z), L::load(&block.uz));
+    let (level, background) = (L::load(&block.level), L::load(&block.background));
+    let reach = L::splat(max_range);
     // How far along a beam a wall may move that it crosses at right angles.
-    let play: [Real; BLOCK] = std::array::from_fn(|i| slack * block.level[i].sqrt());
-    let last = corners[corners.len() - 1];
-    let (mut side, mut depth) = block.corner(last);
-    let mut before = last;
-    for &corner in corners {
-        let (next_side, next_depth) = block.corner(corner);
+    let play = L::splat(slack) * L::load(&block.level.map(Real::sqrt));
+    let (mut open, mut crossed) = (0, 0);
+    let mut before = walls.corners[walls.corners.len() - 1];
+    let mut last = block.pass::<L>(before);
+    for &corner in &walls.corners {
+        let next = block.pass(corner);
         let length = (corner[0] - before[0]).hypot(corner[1] - before[1]);
-        for i in 0..BLOCK {
-            let crosses = (side[i] < 0.0) != (next_side[i] < 0.0);
-            let width = side[i] - next_side[i];
-            let range = depth[i] + side[i] / width * (next_depth[i] - depth[i]);
-            let z = block.z[i] + range * block.uz[i];
-            let slide = slack * length / width.abs();
-            let rise = slide * block.uz[i].abs();
-            let at_top = (z - top).abs() < top_slack + rise;
-            let at_bottom = (z - bottom).abs() < rise;
-            let at_end = ((range - block.background[i]).abs() < slide)
-                | ((range - max_range).abs() < slide)
-                | (range.abs() < slide);
-            let reaches = (range < block.background[i] + slide) & (range > -slide);
-            open[i] |= u32::from(crosses & reaches & (at_top | at_bottom | at_end));
-            crossed[i] |= u32::from(crosses & (range >= 0.0));
-        }
+        let (_, range) = last.crossing(next);
+        let height = z + range * uz;
+        let slide = L::splat(slack * length) / (last.side - next.side).abs();
+        let rise = slide * uz.abs();
+        let at_top = (height - top).abs().le(L::splat(top_slack) + rise);
+        let at_bottom = (height - bottom).abs().le(rise);
+        let at_end = (range - background).abs().le(slide)
+            | (range - reach).abs().le(slide)
+            | range.abs().le(slide);
+        let reaches = range.le(background + slide) & (zero - slide).le(range);
+        let crosses = !zero.le(last.is_between(next));
+        open |= crosses & reaches & (at_top | at_bottom | at_end);
+        crossed |= crosses & zero.le(range);
         // A corner near the beam, before what it meets, may change sides.
-        for i in 0..BLOCK {
-            let near = next_side[i] * next_side[i] * block.level[i] < slack * slack;
-            let before = (next_depth[i] > -play[i])
-                & (next_depth[i] < nearest[i] + 2.0 * play[i]);
-            open[i] |= u32::from(near & before);
-        }
-        (side, depth) = (next_side, next_depth);
-        before = corner;
+        let near = (next.side * next.side * level).le(L::splat(slack * slack));
+        let ahead = (zero - play).le(next.depth);
+        open |= near & ahead & next.depth.le(nearest + play + play);
+        (last, before) = (next, corner);
     }
-    for i in 0..BLOCK {
-        let over = (block.z[i] > top - top_slack) & (block.uz[i] < 0.0);
-        open[i] |= u32::from(over) & crossed[i];
-    }
-    open
-}
+    let over = !z.le(top - L::splat(top_slack)) & !zero.le(uz);
+    open | over & crossed
 }

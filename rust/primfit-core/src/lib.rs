@@ -18,6 +18,7 @@ mod gaps;
 mod graph;
 mod growth;
 mod instructions;
+mod lanes;
 mod likelihood;
 mod merging;
 mod neighbors;

@@ -1,12 +1,19 @@
 //! How well upright prisms explain the ranges of many beams.
 
-use crate::beams::{BLOCK, BeamBlocks, Block, LANES, Real, Walls};
+use crate::beams::{BLOCK, BeamBlocks, Real, Walls};
 use crate::instructions::widest;
+use crate::lanes::{Isa, Lanes};
 use crate::{Error, Workers};
 use rayon::prelude::*;
 
 /// Candidates between two questions to the caller.
 const CHUNK: usize = 64;
+
+/// Pairs of a candidate and a beam that are done sooner than other threads would begin.
+const FEW: usize = 1 << 17;
+
+/// Blocks that are summed up in single precision.
+pub(crate) const RUN: usize = 8;
 
 /// An upright prism: corners of its footprint in order, bottom and top.
 #[derive(Clone, Copy)]
@@ -33,14 +40,18 @@ pub fn prism_costs(
     candidates: &[Candidate],
     workers: &Workers,
 ) -> Result<Vec<f64>, Error> {
+    let cost = |candidate| walls_cost(beams, &beams.walls(candidate));
+    if candidates.len() * beams.len() < FEW {
+        return Ok(candidates.iter().map(cost).collect());
+    }
     let mut costs = vec![0.0; candidates.len()];
     for (costs, candidates) in costs.chunks_mut(CHUNK).zip(candidates.chunks(CHUNK)) {
         workers.check()?;
         workers.install(|| {
-            costs.par_iter_mut().zip(candidates).for_each(|(cost, candidate)| {
-                let walls = beams.walls(candidate);
-                *cost = beams.blocks.iter().map(|block| block_cost(block, &walls, beams)).sum();
-            });
+            costs
+                .par_iter_mut()
+                .zip(candidates)
+                .for_each(|(each, candidate)| *each = cost(candidate));
         });
     }
     Ok(costs)
@@ -52,29 +63,35 @@ pub fn prism_costs(
 pub fn wall_depths(beams: &BeamBlocks, footprint: &[[f64; 2]]) -> Vec<f64> {
     let endless = Candidate { footprint, bottom: f64::NEG_INFINITY, top: f64::INFINITY };
     let walls = beams.walls(&endless);
-    let mut depths = Vec::with_capacity(beams.blocks.len() * BLOCK);
-    for block in &beams.blocks {
-        depths.extend(block_depths(block, &walls).map(f64::from));
-    }
+    let mut depths = walls_depths(beams, &walls);
     depths.truncate(beams.len());
     depths
 }
 
 widest! {
-fn block_depths(block: &Block, walls: &Walls) -> [Real; BLOCK] {
-    block.meet(walls, [Real::INFINITY; BLOCK])
+fn walls_depths(beams: &BeamBlocks, walls: &Walls) -> Vec<f64> {
+    type Row = <Set as Isa>::Sixteen;
+    let mut depths = Vec::with_capacity(beams.blocks.len() * BLOCK);
+    for block in &beams.blocks {
+        let nearest = block.meet(walls, Row::splat(Real::INFINITY));
+        depths.extend(nearest.store().map(f64::from));
+    }
+    depths
 }
 }
 
 widest! {
-fn block_cost(block: &Block, walls: &Walls, beams: &BeamBlocks) -> f64 {
-    let nearest = block.meet(walls, block.background);
-    let mut sums = [0.0; LANES];
-    for first in (0..BLOCK).step_by(LANES) {
-        for (lane, sum) in sums.iter_mut().enumerate() {
-            *sum += beams.cost(block, first + lane, nearest[first + lane]);
+fn walls_cost(beams: &BeamBlocks, walls: &Walls) -> f64 {
+    type Row = <Set as Isa>::Sixteen;
+    let mut cost = 0.0;
+    for run in beams.blocks.chunks(RUN) {
+        let mut sum = Row::splat(0.0);
+        for block in run {
+            let nearest = block.meet(walls, Row::load(&block.background));
+            sum = sum + block.costs(nearest, beams.max_range);
         }
+        cost += sum.store().map(f64::from).iter().sum::<f64>();
     }
-    f64::from(sums.iter().sum::<Real>())
+    cost
 }
 }

@@ -2,8 +2,10 @@
 
 use crate::Error;
 use rayon::prelude::{IndexedParallelIterator, ParallelIterator, ParallelSliceMut};
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Time between two questions to the caller while the work goes on elsewhere.
@@ -13,17 +15,21 @@ const PATIENCE: Duration = Duration::from_millis(20);
 const ROWS: usize = 1 << 15;
 const TASK: usize = 1 << 7;
 
+/// Pools that have been started, each with its process, since a process that forks takes no
+/// threads along, and the number of threads asked for. Starting one takes longer than many a call.
+static POOLS: Mutex<Vec<(u32, usize, Arc<ThreadPool>)>> = Mutex::new(Vec::new());
+
 /// The threads of one call, and the caller's wish to go on.
 ///
 /// Work is cut into chunks whose size does not depend on the number of threads; between two
 /// chunks the calling thread asks `go_on`.
 pub struct Workers<'a> {
-    pool: Option<rayon::ThreadPool>,
+    pool: Arc<ThreadPool>,
     go_on: &'a (dyn Fn() -> bool + 'a),
 }
 
 impl<'a> Workers<'a> {
-    /// The global pool, or a pool of `n_threads` for this call alone.
+    /// A pool of `n_threads`, or of as many as the machine has, that no other call uses meanwhile.
     ///
     /// # Errors
     /// [`Error::Threads`] when the threads cannot be started.
@@ -31,23 +37,26 @@ impl<'a> Workers<'a> {
         n_threads: Option<usize>,
         go_on: &'a (dyn Fn() -> bool + 'a),
     ) -> Result<Self, Error> {
-        let pool = n_threads
-            .map(|n_threads| {
-                rayon::ThreadPoolBuilder::new()
-                    .num_threads(n_threads)
-                    .build()
-                    .map_err(|reason| Error::Threads { n_threads, reason: reason.to_string() })
-            })
-            .transpose()?;
+        let (process, n_threads) = (std::process::id(), n_threads.unwrap_or(0));
+        let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
+        let idle = pools.iter().find(|(of_process, of_threads, pool)| {
+            (*of_process, *of_threads) == (process, n_threads) && Arc::strong_count(pool) == 1
+        });
+        if let Some((_, _, pool)) = idle {
+            return Ok(Self { pool: pool.clone(), go_on });
+        }
+        let pool = ThreadPoolBuilder::new()
+            .num_threads(n_threads)
+            .build()
+            .map_err(|reason| Error::Threads { n_threads, reason: reason.to_string() })?;
+        let pool = Arc::new(pool);
+        pools.push((process, n_threads, pool.clone()));
         Ok(Self { pool, go_on })
     }
 
     /// Runs `work` on the threads of this call.
     pub fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
-        match &self.pool {
-            Some(pool) => pool.install(work),
-            None => work(),
-        }
+        self.pool.install(work)
     }
 
     /// Runs `work` on the threads of this call while the calling thread asks `go_on`, for work
@@ -75,16 +84,10 @@ impl<'a> Workers<'a> {
                 }
             }
         };
-        match &self.pool {
-            Some(pool) => pool.in_place_scope(|scope| {
-                scope.spawn(|_| work());
-                wait();
-            }),
-            None => rayon::in_place_scope(|scope| {
-                scope.spawn(|_| work());
-                wait();
-            }),
-        }
+        self.pool.in_place_scope(|scope| {
+            scope.spawn(|_| work());
+            wait();
+        });
         result
     }
 

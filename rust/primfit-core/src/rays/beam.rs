@@ -2,9 +2,9 @@
 
 #![allow(clippy::inline_always)]
 
-use super::lanes::{Isa, Lanes, splat};
 use super::ray::Start;
 use super::tree::{Node, WIDTH};
+use crate::lanes::{Isa, Lanes, splat};
 
 /// The directions of all rays on one axis.
 #[derive(Clone, Copy)]

@@ -4,13 +4,13 @@
 // Lazy operators would be branches; lanes are counted, so that the compiler sees whole vectors.
 #![allow(clippy::needless_bitwise_bool, clippy::needless_range_loop)]
 
-use super::lanes::{Isa, Lanes, lane, splat};
 use super::query::{Query, is_near_unit, is_unit};
 use super::ray::{FAR, Ray, STEEPEST, Start};
 use super::tiles::RAYS;
 use super::tree::Frame;
 use super::triangle::ShearedRay;
 use crate::Vector;
+use crate::lanes::{Isa, Lanes, lane, splat};
 
 pub type Floats = [f32; RAYS];
 pub type Doubles = [f64; RAYS];

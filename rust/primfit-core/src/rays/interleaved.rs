@@ -4,7 +4,6 @@
 
 use super::bundle::Bundle;
 use super::caster::Hit;
-use super::lanes::Isa;
 use super::leaf::candidates;
 use super::query::Query;
 use super::ray::Ray;
@@ -12,6 +11,7 @@ use super::supply::{Next, Supply};
 use super::tree::{LEAF, Tree};
 use super::triangle::ShearedRay;
 use super::walk::Walk;
+use crate::lanes::Isa;
 
 /// Rays in flight.
 pub const IN_FLIGHT: usize = 16;

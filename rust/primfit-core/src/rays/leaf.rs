@@ -7,9 +7,9 @@
 
 #![allow(clippy::inline_always)]
 
-use super::lanes::{Isa, Lanes, cross, dot, lane, load, splat, store, subtract};
 use super::ray::{Ray, Start, ULP};
 use super::tree::{Block, WIDTH};
+use crate::lanes::{Isa, Lanes, cross, dot, lane, load, splat, store, subtract};
 
 /// How far rounding moves the edge functions, in terms of extent times reach.
 const EDGE: f32 = 64.0 * ULP;

@@ -9,7 +9,6 @@ mod beam;
 mod bundle;
 mod caster;
 mod interleaved;
-mod lanes;
 mod leaf;
 mod memory;
 mod packet;

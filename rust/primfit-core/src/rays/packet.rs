@@ -14,7 +14,6 @@ use super::beam::{self, Span};
 use super::bundle::{Bundle, Doubles, Floats};
 use super::caster::Hit;
 use super::interleaved::{self, Flight, prefetch_child};
-use super::lanes::{Isa, Lanes, lane, load};
 use super::leaf::Triangles;
 use super::query::Query;
 use super::ray::{Start, ULP};
@@ -23,6 +22,7 @@ use super::tree::{Block, LEAF, Node, Tree, WIDTH};
 use super::triangle::ShearedRay;
 use super::walk::STACK;
 use crate::Vector;
+use crate::lanes::{Isa, Lanes, lane, load};
 
 /// So many rays go on alone.
 const FEW: u32 = 5;

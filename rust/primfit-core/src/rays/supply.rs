@@ -4,13 +4,13 @@
 
 use super::bundle::Bundle;
 use super::caster::{Hit, cast_at_all};
-use super::lanes::{Isa, lane};
 use super::query::Query;
 use super::ray::{Approach, Ray};
 use super::tiles::RAYS;
 use super::tree::Tree;
 use super::triangle::ShearedRay;
 use crate::Vector;
+use crate::lanes::{Isa, lane};
 
 /// The rays of a query by row, of which those that pass the scene are answered here.
 pub struct Supply<'a> {

@@ -4,13 +4,13 @@
 
 use super::bundle::Bundle;
 use super::caster::Hit;
-use super::lanes::{Isa, Lanes, splat};
 use super::leaf::candidates;
 use super::query::Query;
 use super::ray::Ray;
 use super::supply::{Next, Supply};
 use super::tree::{LEAF, Node, Tree, WIDTH};
 use super::triangle::ShearedRay;
+use crate::lanes::{Isa, Lanes, splat};
 
 /// More than the children that can wait: seven a level, and `split::DEEPEST` levels and those of
 /// a halved set.

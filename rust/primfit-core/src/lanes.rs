@@ -1,9 +1,9 @@
 //! Eight and sixteen float32 numbers at once, on whatever the processor offers.
 //!
 //! Code generic over [`Isa`] is compiled once for each instruction set, behind functions that
-//! enable it; all that is called there must be inlined, so there are no closures over lanes. What
-//! the lanes compute may differ in the last bit between instruction sets (products are fused with
-//! sums or not), which is why it only ever chooses what is then decided in float64.
+//! enable it; all that is called there must be inlined, so there are no closures over lanes. The
+//! lanes are the same to the bit on all sets, but for `mul_add`, so what that computes may only
+//! choose what is then decided in float64.
 
 #![allow(clippy::inline_always)]
 
@@ -34,6 +34,10 @@ pub trait Lanes:
     fn flip(self, sign: Self) -> Self;
     /// A bit for each lane that is not greater than that of `other`.
     fn le(self, other: Self) -> u32;
+    /// `yes` where a lane is not greater than that of `other`, else `no`.
+    fn where_le(self, other: Self, yes: Self, no: Self) -> Self;
+    /// `yes` where the sign of a lane is negative, -0 too, else `no`.
+    fn where_negative(self, yes: Self, no: Self) -> Self;
     /// The greatest of the lanes.
     fn greatest(self) -> f32;
     /// The least of the lanes.
@@ -175,6 +179,14 @@ impl<const N: usize> Lanes for Plain<N> {
     #[inline(always)]
     fn le(self, other: Self) -> u32 {
         (0..N).fold(0, |mask, i| mask | u32::from(self.0[i] <= other.0[i]) << i)
+    }
+    #[inline(always)]
+    fn where_le(self, other: Self, yes: Self, no: Self) -> Self {
+        Self(std::array::from_fn(|i| if self.0[i] <= other.0[i] { yes.0[i] } else { no.0[i] }))
+    }
+    #[inline(always)]
+    fn where_negative(self, yes: Self, no: Self) -> Self {
+        Self(std::array::from_fn(|i| if self.0[i].is_sign_negative() { yes.0[i] } else { no.0[i] }))
     }
     #[inline(always)]
     fn greatest(self) -> f32 {

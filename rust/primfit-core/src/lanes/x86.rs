@@ -24,7 +24,8 @@ macro_rules! lanes {
      |$wide:ident| $narrow:block, $store:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
      $mul_add:ident, $min:ident, $max:ident,
      $and:ident, $and_not:ident, $xor:ident,
-     |$a:ident, $b:ident| $le:block, |$all:ident| $greatest:block) => {
+     |$a:ident, $b:ident| $le:block, |$all:ident| $greatest:block,
+     |$c:ident, $d:ident, $yes:ident, $no:ident| $where_le:block, $where_negative:block) => {
         #[derive(Clone, Copy)]
         pub struct $name($register);
 
@@ -125,6 +126,18 @@ macro_rules! lanes {
                 unsafe { $le }
             }
             #[inline(always)]
+            fn where_le(self, other: Self, yes: Self, no: Self) -> Self {
+                let ($c, $d, $yes, $no) = (self.0, other.0, yes.0, no.0);
+                // SAFETY: callers have enabled the instruction set.
+                Self(unsafe { $where_le })
+            }
+            #[inline(always)]
+            fn where_negative(self, yes: Self, no: Self) -> Self {
+                let ($c, $yes, $no) = (self.0, yes.0, no.0);
+                // SAFETY: callers have enabled the instruction set.
+                Self(unsafe { $where_negative })
+            }
+            #[inline(always)]
             fn greatest(self) -> f32 {
                 let $all = self.0;
                 // SAFETY: callers have enabled the instruction set.
@@ -162,7 +175,9 @@ lanes!(
         let four = _mm_max_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps::<1>(a));
         let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
         _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)))
-    }
+    },
+    |a, b, yes, no| { _mm256_blendv_ps(no, yes, _mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) },
+    { _mm256_blendv_ps(no, yes, a) }
 );
 
 lanes!(
@@ -189,7 +204,9 @@ lanes!(
     _mm512_andnot_ps,
     _mm512_xor_ps,
     |a, b| { u32::from(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b)) },
-    |a| { _mm512_reduce_max_ps(a) }
+    |a| { _mm512_reduce_max_ps(a) },
+    |a, b, yes, no| { _mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b), no, yes) },
+    { _mm512_mask_blend_ps(_mm512_movepi32_mask(_mm512_castps_si512(a)), no, yes) }
 );
 
 /// Sixteen lanes in two registers.
@@ -275,6 +292,14 @@ impl Lanes for Pair {
     #[inline(always)]
     fn le(self, other: Self) -> u32 {
         self.0.le(other.0) | self.1.le(other.1) << 8
+    }
+    #[inline(always)]
+    fn where_le(self, other: Self, yes: Self, no: Self) -> Self {
+        Self(self.0.where_le(other.0, yes.0, no.0), self.1.where_le(other.1, yes.1, no.1))
+    }
+    #[inline(always)]
+    fn where_negative(self, yes: Self, no: Self) -> Self {
+        Self(self.0.where_negative(yes.0, no.0), self.1.where_negative(yes.1, no.1))
     }
     #[inline(always)]
     fn greatest(self) -> f32 {
