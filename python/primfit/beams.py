@@ -130,8 +130,10 @@ class Beams:
         return self._take(slice(None, None, stride), self.stride * stride, sigmas)
 
     def some(self, stride: int) -> Beams:
-        """Every so manieth beam, as if there were no others."""
-        return self if stride == 1 else self._take(slice(None, None, stride), 1, self.arrays[4])
+        """Every so manieth of the scan's beams, as if there were no others."""
+        if stride == self.stride == 1:
+            return self
+        return self._take(slice(None, None, stride // self.stride), 1, self.arrays[4])
 
     def _take(self, rows: Any, stride: int, sigmas: Floats) -> Beams:
         o, d, r, b, _ = self.arrays

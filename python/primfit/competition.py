@@ -19,11 +19,11 @@ from primfit.templates import RECTANGLE, TEMPLATES, FreePolygon, Shape, Template
 _OUT = 0.1
 """How far a solid may leave its seed, beyond a cell, as a fraction of the seed's size and area."""
 
-_ROUGH = 8
-"""One beam in so many is enough to tell kinds roughly apart."""
+SOME = 4
+"""One beam in so many is enough to tell which kinds are worth sampling."""
 
-_SOME = 4
-"""One beam in so many is enough to tell which ones are worth sampling."""
+_ROUGH = 2
+"""One of these in so many is enough to tell kinds roughly apart."""
 
 _BLUR = 0.05
 """Least standard deviation of a rough fit, as a fraction of the size."""
@@ -44,8 +44,8 @@ _RIVALS = 15.0
 """Log-evidence that a kind may lack against the best to stay in the competition."""
 
 _LOOSE = 20.0
-"""Log-evidence by which that of a free polygon may be too large: it is an upper bound, and the looser
-the freer a corner is, as one is that may slide along a wall."""
+"""Log-evidence by which that of a free polygon may be too large: it is an upper bound, and the
+looser the freer a corner is, as one is that may slide along a wall."""
 
 _BEHIND = 1500.0
 """Log-likelihood by which a climb may be behind the best to be sampled: silhouettes hold climbs."""
@@ -56,7 +56,7 @@ _LOST = 20.0
 _AWAY = 2.0
 """How far corners may be from the centre of a body, in its radius."""
 
-_LEVELS = ((16, 4), (1,))
+_LEVELS = ((4 * SOME, SOME), (1,))
 """One beam in so many by which bodies are sampled, in passes: neighbours are known better by the
 second."""
 
@@ -161,8 +161,8 @@ def compete(scene: Scene, i: int, body: Body) -> Body:
         for template in TEMPLATES
     ]
     fits = _sorted_within(scene, seed, fits)[:_SHORTLIST]
-    some, size = beams.thinned(_SOME, 0.0), float(np.sqrt(seed.area))
-    fits = [approach(some, fit.shape, fit.parameters, top.z, size) for fit in fits]
+    size = float(np.sqrt(seed.area))
+    fits = [approach(beams, fit.shape, fit.parameters, top.z, size) for fit in fits]
     fits = _sorted_within(scene, seed, fits)
     fits = [fit for fit in fits if fit.cost <= fits[0].cost + 2.0 * _BEHIND]
     return as_body(fits, find_top(beams, fits[0].footprint), seed)
@@ -175,10 +175,10 @@ def _rough_fit(beams: Beams, template: Template, seed: Seed, top: float) -> Fit:
 
 
 def _around(scene: Scene, i: int, seed: Seed, footprint: Floats) -> tuple[Beams, Top, Beams]:
-    """Beams around a seed, the top over a rough footprint, and some of the beams, blurred."""
-    beams = scene.near(seed.center, 1.3 * seed.radius, without=i)
+    """Some beams around a seed, the top over a rough footprint, and fewer beams, blurred."""
+    beams = scene.near(seed.center, 1.3 * seed.radius, i, SOME)
     blur = _BLUR * float(np.sqrt(seed.area))
-    return beams, find_top(beams.thinned(_SOME, blur), footprint), beams.thinned(_ROUGH, blur)
+    return beams, find_top(beams.thinned(1, blur), footprint), beams.thinned(_ROUGH, blur)
 
 
 def _sorted_within(scene: Scene, seed: Seed, fits: list[Fit]) -> list[Fit]:
@@ -225,7 +225,7 @@ def _compete_again(
     They are sampled with few of the beams first, which know less narrowly where to go, then with
     more; kinds that fall behind are given up.
     """
-    beams = _near(scene, i, body)
+    beams = _near(scene, i, body, levels[-1])
     starts = [each for each in body.contenders if each.stride]
     if not starts:
         top = find_top(beams, body.footprint)
@@ -251,7 +251,7 @@ def weigh(scene: Scene, i: int, body: Body, rng: np.random.Generator) -> Body:
 
     It meets its rivals and its kin once more, since neighbours were known less when it beat them.
     """
-    beams = _near(scene, i, body)
+    beams = _near(scene, i, body, 1)
     best = body.contenders[0]
     # All start from one top: few beams tell little of it, and one may hold a sampler where it is.
     top = find_top(beams, body.footprint)
@@ -288,9 +288,9 @@ def _longest_first(fit: Fit) -> Fit:
     return replace(fit, parameters=turned, covariance=fit.covariance[np.ix_(order, order)])
 
 
-def _near(scene: Scene, i: int, body: Body) -> Beams:
+def _near(scene: Scene, i: int, body: Body, stride: int) -> Beams:
     place = body.obstacle
-    return scene.near(place.center, 1.2 * place.radius, without=i)
+    return scene.near(place.center, 1.2 * place.radius, i, stride)
 
 
 def _is_around(fit: Fit, place: Obstacle) -> bool:

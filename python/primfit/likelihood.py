@@ -17,7 +17,7 @@ from tqdm import tqdm
 from primfit._check import n_jobs_or_none
 from primfit.beams import LEAST_SIGMA, Noise
 from primfit.carving import Seed, carve
-from primfit.competition import Body, compete, compete_finely, sketch, weigh
+from primfit.competition import SOME, Body, compete, compete_finely, sketch, weigh
 from primfit.description import describe
 from primfit.detection import Detection
 from primfit.fitting import Fit
@@ -127,7 +127,7 @@ def detect_likelihood(
         if number == 0:
             room = find_room(scene, centers[carving.is_free])
             scene.room = None if room is None else room.footprint
-            scene.noise = replace(scene.noise, lost=measure_noise(scene, False).lost)
+            scene.noise = replace(scene.noise, lost=measure_noise(scene, False, SOME).lost)
         carving = replace(carving, lost=scene.noise.lost)
         within = carving.inside(scene.room) & ~carving.covered(seeds)
         seeds += [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
@@ -33,28 +34,37 @@ _TOUCHING = 0.02
 _LEAST_CELLS = 9
 """Cells of the smallest part of a seed."""
 
+Alternative = Callable[[Scene, list[Body], Body, float], list[Body]]
+
 
 def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generator) -> None:
     """Replace bodies, in place, by others where these explain more.
 
     Nothing, another kind, now that the neighbours are known, the parts of the seed, and a free
-    polygon compete by the Bayesian information criterion on the beams that come near.
+    polygon compete by the Bayesian information criterion on the beams that come near. Since what
+    one body lacks often is the fault of another, all have a try at another kind first.
     """
-    queue = list(bodies)
-    while queue:
-        body = queue.pop(0)
-        if _misfit(scene, body) <= MISFIT:
-            continue
-        others = [each for each in bodies if each is not body]
-        best = _instead(scene, others, body, cell, rng)
-        bodies[:] = others + best
-        scene.obstacles = [each.obstacle for each in bodies]
-        if len(best) > 1:
-            queue += best
+    for alternatives in (_ALTERNATIVES[:1], _ALTERNATIVES):
+        queue = list(bodies)
+        while queue:
+            body = queue.pop(0)
+            if _misfit(scene, body) <= MISFIT:
+                continue
+            others = [each for each in bodies if each is not body]
+            best = _instead(scene, others, body, cell, rng, alternatives)
+            bodies[:] = others + best
+            scene.obstacles = [each.obstacle for each in bodies]
+            if len(best) > 1:
+                queue += best
 
 
 def _instead(
-    scene: Scene, others: list[Body], body: Body, cell: float, rng: np.random.Generator
+    scene: Scene,
+    others: list[Body],
+    body: Body,
+    cell: float,
+    rng: np.random.Generator,
+    alternatives: tuple[Alternative, ...],
 ) -> list[Body]:
     """What explains the beams best in the place of a body."""
     rows = scene.rows_near(body.seed.center, _AROUND * body.seed.radius)
@@ -66,7 +76,7 @@ def _instead(
         best, least = [body], score
     elif is_enough:
         return []
-    for alternative in (_afresh, _at_necks, _in_halves, _as_polygon):
+    for alternative in alternatives:
         option = alternative(scene, others, body, cell)
         if len(option) < len(best) and _score(scene, others, option, rows) > least + _HOPELESS:
             continue
@@ -161,6 +171,9 @@ def _from_parts(
         bodies[j] = compete(scene, first + j, body)
         scene.obstacles[first + j] = bodies[j].obstacle
     return bodies
+
+
+_ALTERNATIVES: tuple[Alternative, ...] = (_afresh, _at_necks, _in_halves, _as_polygon)
 
 
 def _touch(bodies: list[Body], size: float) -> bool:

@@ -216,34 +216,36 @@ class Scene:
             gains[i] = _SOME * float(costs[0] - costs[1])
         return gains
 
-    def clear_rows(self) -> Ints:
-        """Beams that come near no obstacle; all beams, when these are few."""
-        clear = np.ones(len(self.scan), dtype=bool)
+    def clear_rows(self, stride: int) -> Ints:
+        """Beams, one in `stride`, that come near no obstacle; all of them, when these are few."""
+        clear = np.ones(-(-len(self.scan) // stride), dtype=bool)
         for obstacle in self.obstacles:
-            clear[self.rows_near(obstacle.center, 1.3 * obstacle.radius)] = False
-        return np.flatnonzero(clear if clear.mean() > _LEAST_CLEAR else np.ones_like(clear))
+            near = self.rows_near(obstacle.center, 1.3 * obstacle.radius, stride)
+            clear[near // stride] = False
+        return stride * np.flatnonzero(clear if clear.mean() > _LEAST_CLEAR else clear | True)
 
-    def rows_near(self, center: Floats, radius: float) -> Ints:
-        """Beams whose level lines come within `radius` of a place, in reach."""
-        ways, start, across, level = self._level_lines
+    def rows_near(self, center: Floats, radius: float, stride: int = 1) -> Ints:
+        """Beams, one in `stride`, whose level lines come within `radius` of a place, in reach."""
+        ways, start, across, level = (line[::stride] for line in self._level_lines)
         rows = np.flatnonzero(np.abs(ways @ _across(center) - across) < radius)
         along = ways[rows] @ center - start[rows]
-        return rows[(along > -radius) & (along - radius < self.noise.reach * level[rows])]
+        reaches = (along > -radius) & (along - radius < self.noise.reach * level[rows])
+        return stride * rows[reaches]
 
-    def near(self, center: Floats, radius: float, without: int | None) -> Beams:
-        """Beams that come within `radius` of a place before they meet another surface."""
-        rows = self.rows_near(center, radius)
+    def near(self, center: Floats, radius: float, without: int | None, stride: int = 1) -> Beams:
+        """Beams, one in `stride`, within `radius` of a place before they meet another surface."""
+        rows = self.rows_near(center, radius, stride)
         background = self.background(without, rows)
         ways, start, _, level = (line[rows] for line in self._level_lines)
         along = ways @ center - start
         before = (along - radius) / level < background
-        return self.beams(rows[before], background[before])
+        return self.beams(rows[before], background[before], stride)
 
-    def beams(self, rows: Any, background: Floats) -> Beams:
-        """Some beams with what they meet."""
+    def beams(self, rows: Any, background: Floats, stride: int = 1) -> Beams:
+        """Some beams with what they meet, each of which stands for so many."""
         scan = self.scan
         arrays = scan.origins[rows], scan.directions[rows], scan.ranges[rows], background
-        return Beams((*arrays, self.noise.sigma[rows]), self.noise, self.base, self.n_jobs, 1)
+        return Beams((*arrays, self.noise.sigma[rows]), self.noise, self.base, self.n_jobs, stride)
 
 
 def _across(place: Floats) -> Floats:

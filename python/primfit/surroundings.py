@@ -21,7 +21,7 @@ _LEAST_GAIN = 10.0
 """Log-likelihood that walls must gain over none, as a multiple of the logarithm of the beams."""
 
 _STRIDES = (16, 4, 1)
-"""One beam in so many, by which the room is found more and more exactly at first."""
+"""One beam in so many, by which the room is found ever more exactly; the last the second time."""
 
 _CONTAMINATED = 4.0
 """Standard deviations beyond which a residual does not count for the floor."""
@@ -57,9 +57,9 @@ def survey(
     *,
     again: bool = False,
 ) -> tuple[Fit | None, float | None]:
-    """Refine room, floor and noise of a scene by all beams, with the solids where they are.
+    """Refine room, floor and noise of a scene by its beams, with the solids where they are.
 
-    The second time the room is known from the first.
+    The first time some of the beams are enough; the second time it starts from there.
 
     Returns
     -------
@@ -67,39 +67,42 @@ def survey(
     base_sigma : float or None, metres
         Standard deviation of the floor's z.
     """
+    coarse, fine, all_beams = _STRIDES
+    stride = all_beams if again else fine
     if room is not None:
         scene.room = None
-        beams = scene.beams(slice(None), scene.background())
-        strides = _STRIDES[-1:] if again else _STRIDES
+        rows = slice(None, None, stride)
+        beams = scene.beams(rows, scene.background(rows=rows), stride)
         if not again:
-            some = beams.thinned(strides[0], 0.0)
+            some = beams.thinned(coarse // fine, 0.0)
             room = climb(some, room.shape, room.parameters, scene.ceiling)
-        for k, stride in enumerate(strides):
-            # Walls at the end of the reach hold a climb where it begins.
-            start = narrowed(room, strides[k - 1] / stride) if k else room
-            room, _, _ = settle(beams.some(stride), start, Top(scene.ceiling, np.nan), rng, QUICK)
+        # Walls at the end of the reach hold a climb where it begins.
+        for before, here in ((fine, all_beams),) if again else ((coarse, coarse), (coarse, fine)):
+            start = narrowed(room, before / here)
+            room, _, _ = settle(beams.some(here), start, Top(scene.ceiling, np.nan), rng, QUICK)
         scene.room = room.footprint
     base_sigma = None
     if has_floor:
-        scene.base, base_sigma = level_floor(scene)
-    scene.noise = measure_noise(scene, measure_sigma)
+        scene.base, base_sigma = level_floor(scene, stride)
+    scene.noise = measure_noise(scene, measure_sigma, stride)
     return room, base_sigma
 
 
-def level_floor(scene: Scene) -> tuple[float, float]:
-    """z of the floor, metres, by the ranges of all beams that should end on it, and its sigma.
+def level_floor(scene: Scene, stride: int) -> tuple[float, float]:
+    """z of the floor, metres, by the ranges of beams that should end on it, and its sigma.
 
     Which beams these are is told by where they go, not by their ranges, whose noise would take
     some away on one side.
     """
     scan, noise = scene.scan, scene.noise
-    nearest = scene.background(floor=False)
-    down = np.flatnonzero(scan.is_return & (scan.directions[:, 2] < 0.0))
+    some = slice(None, None, stride)
+    down = stride * np.flatnonzero(scan.is_return[some] & (scan.directions[some, 2] < 0.0))
+    nearest = scene.background(rows=down, floor=False)
     slope = scan.directions[down, 2]
     base, sigma = scene.base, np.inf
     for _ in range(3):
         expected = (base - scan.origins[down, 2]) / slope
-        meets = (expected < nearest[down]) & (expected <= noise.reach) & (expected > 0.0)
+        meets = (expected < nearest) & (expected <= noise.reach) & (expected > 0.0)
         residual = scan.ranges[down] - expected
         meets &= np.abs(residual) <= _CONTAMINATED * noise.sigma[down]
         weights = np.where(meets, (slope * noise.sigma[down]) ** -2, 0.0)
@@ -110,7 +113,7 @@ def level_floor(scene: Scene) -> tuple[float, float]:
     return base, sigma
 
 
-def measure_noise(scene: Scene, measure_sigma: bool) -> Noise:
+def measure_noise(scene: Scene, measure_sigma: bool, stride: int) -> Noise:
     """Noise by the ranges that the scene foresees: their spread, if wanted, and their losses.
 
     The spread is that of residuals within `_CONTAMINATED` standard deviations, which a Gaussian
@@ -118,7 +121,7 @@ def measure_noise(scene: Scene, measure_sigma: bool) -> Noise:
     """
     scan, noise = scene.scan, scene.noise
     # Near a solid that is not well known yet, what is off is no outlier.
-    rows = scene.clear_rows()
+    rows = scene.clear_rows(stride)
     expected = scene.background(rows=rows)
     foreseen = expected <= noise.reach
     hits = foreseen & scan.is_return[rows]
