@@ -56,7 +56,7 @@ _LOST = 20.0
 _AWAY = 2.0
 """How far corners may be from the centre of a body, in its radius."""
 
-_LEVELS = ((4 * SOME, SOME), (1,))
+_LEVELS = ((4 * SOME,), (SOME, 1))
 """One beam in so many by which bodies are sampled, in passes: neighbours are known better by the
 second."""
 
@@ -225,7 +225,7 @@ def _compete_again(
     They are sampled with few of the beams first, which know less narrowly where to go, then with
     more; kinds that fall behind are given up.
     """
-    beams = _near(scene, i, body, levels[-1])
+    beams = _near(scene, i, body, SOME if levels[-1] > 1 else 1)
     starts = [each for each in body.contenders if each.stride]
     if not starts:
         top = find_top(beams, body.footprint)

@@ -125,7 +125,7 @@ def _wall(
     change[:2] = np.outer(along, turn)
     change[3] = -a @ change[:2]
     change[3, 2 * face : 2 * face + 2] -= normal
-    change = change @ fit.shape.jacobian(fit.parameters)
+    change = change @ fit.shape.frame(fit.parameters)[1]
     corners = np.array([[*a, base], [*b, base], [*b, top], [*a, top]])
     equation = side * np.array([*normal, 0.0, -normal @ a])
     return equation, change @ fit.covariance @ change.T, corners[:: int(side)].copy()
@@ -163,7 +163,7 @@ def _measures(
     """Footprint, angle, size, and the covariance of centre, angle and size."""
     fit = contender.fit
     if not isinstance(fit.shape, Template):
-        corners = fit.shape.jacobian(fit.parameters)
+        _, corners = fit.shape.frame(fit.parameters)
         outline = free_polygon(fit.footprint, corners @ fit.covariance @ corners.T)
         return outline.footprint, outline.angle, outline.size, outline.covariance
     sizes = tuple(float(size) for size in fit.parameters[3:])

@@ -71,13 +71,12 @@ class Fit:
     @property
     def footprint(self) -> Floats:
         """Corners (m, 2), metres."""
-        corners: Floats = self.shape.footprints(self.parameters[None])[0]
-        return corners
+        return self.shape.frame(self.parameters)[0]
 
     @property
     def corner_sigma(self) -> float:
         """Largest standard deviation of a corner, metres."""
-        jacobian = self.shape.jacobian(self.parameters)
+        _, jacobian = self.shape.frame(self.parameters)
         variances = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
         return float(np.sqrt(variances.reshape(-1, 2).sum(axis=1).max()))
 
@@ -115,7 +114,7 @@ def climb(beams: Beams, shape: Shape, start: Floats, top: float, *, steps: int =
                 cost, gradient, information = better
                 continue
         damping *= 10.0
-    extent = np.ptp(shape.footprints(parameters[None])[0], axis=0).max()
+    extent = np.ptp(shape.frame(parameters)[0], axis=0).max()
     return Fit(shape, parameters, _inverse(information, extent), cost)
 
 
@@ -131,8 +130,8 @@ def _inverse(information: Floats, widest: float) -> Floats:
 def _expand(
     beams: Beams, shape: Shape, parameters: Floats, top: float
 ) -> tuple[float, Floats, Floats]:
-    cost, gradient, information = beams.expand(shape.footprints(parameters[None])[0], top)
-    jacobian = shape.jacobian(parameters)
+    footprint, jacobian = shape.frame(parameters)
+    cost, gradient, information = beams.expand(footprint, top)
     return cost, jacobian.T @ gradient, jacobian.T @ information @ jacobian
 
 

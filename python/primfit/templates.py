@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import cos, sin
 from typing import Protocol
 
 import numpy as np
@@ -47,8 +48,8 @@ class Shape(Protocol):
         """Corners (n, m, 2) for parameters (n, n_parameters or more)."""
         ...
 
-    def jacobian(self, parameters: Floats) -> Floats:
-        """Derivatives (2m, n_parameters) of x and y of each corner by one set of parameters."""
+    def frame(self, parameters: Floats) -> tuple[Floats, Floats]:
+        """Corners (m, 2) for one set of parameters, and how they change with each (2m, d)."""
         ...
 
     def is_proper(self, parameters: Floats) -> Bools:
@@ -94,22 +95,21 @@ class Template:
     def footprints(self, parameters: Floats) -> Floats:
         """Corners (n, m, 2) for parameters (n, n_parameters or more)."""
         x, y, angle = parameters[:, :3].T
-        corners = self._along(parameters[:, 3 : 3 + self.n_sizes])
+        sizes = parameters[:, 3 : 3 + self.n_sizes]
+        corners = (sizes @ self.axes.view(np.float64)).view(np.complex128)
         corners = corners * np.exp(1j * angle)[:, None] + (x + 1j * y)[:, None]
         return corners.view(np.float64).reshape(*corners.shape, 2)
 
-    def jacobian(self, parameters: Floats) -> Floats:
-        """Derivatives (2m, n_parameters) of x and y of each corner by one set of parameters."""
-        turn = np.exp(1j * parameters[2])
+    def frame(self, parameters: Floats) -> tuple[Floats, Floats]:
+        """Corners (m, 2) for one set of parameters, and how they change with each (2m, d)."""
+        x, y, angle, *sizes = parameters[: self.n_parameters].tolist()
         rows = np.empty((self.n_parameters, self.axes.shape[1]), dtype=np.complex128)
         rows[0], rows[1] = 1.0, 1.0j
-        rows[2] = self._along(parameters[3 : 3 + self.n_sizes]) * (1j * turn)
-        rows[3:] = self.axes * turn
-        return rows.view(np.float64).T
-
-    def _along(self, sizes: Floats) -> np.ndarray:
-        """Corners (..., m) complex128 at angle zero about the origin for sizes (..., n_sizes)."""
-        return (sizes @ self.axes.view(np.float64)).view(np.complex128)
+        rows[3:] = self.axes * complex(cos(angle), sin(angle))
+        arms = sizes @ rows[3:]
+        rows[2] = arms * 1j
+        corners = arms + complex(x, y)
+        return corners.view(np.float64).reshape(-1, 2), rows.view(np.float64).T
 
     def is_proper(self, parameters: Floats) -> Bools:
         """Which parameters (n, d) are of this kind: positive sizes.
@@ -141,9 +141,9 @@ class FreePolygon:
         """Corners (n, m, 2) for parameters (n, n_parameters or more)."""
         return parameters[:, : self.n_parameters].reshape(-1, self.n_corners, 2)
 
-    def jacobian(self, parameters: Floats) -> Floats:
-        """Derivatives (2m, n_parameters): the identity."""
-        return np.eye(self.n_parameters)
+    def frame(self, parameters: Floats) -> tuple[Floats, Floats]:
+        """Corners (m, 2) for one set of parameters, and how they change with each (2m, d)."""
+        return self.footprints(parameters[None])[0], np.eye(self.n_parameters)
 
     def is_proper(self, parameters: Floats) -> Bools:
         """Which parameters (n, d) are polygons that do not cross themselves."""
