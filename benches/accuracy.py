@@ -96,7 +96,8 @@ def cramer_rao(scan, world) -> float:
     sigma = np.full(len(scan), float(np.max(scan.sigma)))
     scene = Scene(scan, Noise(sigma=sigma, reach=scan.max_range), 0.0, 1)
     low, high = world.bounds
-    scene.room = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    walls = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    scene.room = Obstacle(walls, scene.ceiling)
     scene.obstacles = [Obstacle(solid.footprint, solid.height)]
     beams = scene.near(solid.center[:2], 0.5, 0)
     template = next(

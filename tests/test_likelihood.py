@@ -32,7 +32,8 @@ def scene_of(solid, noise, seed=1):
     scan = scanned(primfit.World([solid], ROOM.arena), noise, seed)
     sigma = np.full(len(scan), max(noise, 1e-5))
     scene = Scene(scan, Noise(sigma=sigma, reach=1.0), 0.0, 1)
-    scene.room = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    walls = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    scene.room = Obstacle(walls, scene.ceiling)
     return scene, scene.near(solid.center[:2], 0.4, None)
 
 

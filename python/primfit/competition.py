@@ -189,7 +189,7 @@ def _sorted_within(scene: Scene, seed: Seed, fits: list[Fit]) -> list[Fit]:
     """
     place = shapely.Polygon(seed.hull).buffer(_OUT * float(np.sqrt(seed.area)) + seed.cell)
     if scene.room is not None:
-        place = place.intersection(shapely.Polygon(scene.room))
+        place = place.intersection(shapely.Polygon(scene.room.footprint))
     outlines = [shapely.make_valid(shapely.Polygon(fit.footprint)) for fit in fits]
     out = shapely.area(shapely.difference(outlines, place))
     within = [fit for fit, area in zip(fits, out, strict=True) if area < _OUT * seed.area]

@@ -23,7 +23,7 @@ _BLUR = 0.05
 _SHARPENING = 3.0
 """By how much the standard deviation falls from one climb to the next."""
 
-_LEAST_GAIN = 1e-2
+_LEAST_GAIN = 0.1
 """Log-likelihood that a step must promise to be worth taking."""
 
 _LEAST_TOLD = 1e-5

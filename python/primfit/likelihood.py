@@ -126,10 +126,10 @@ def detect_likelihood(
         centers = carving.centers()
         if number == 0:
             room = find_room(scene, centers[carving.is_free])
-            scene.room = None if room is None else room.footprint
+            scene.room = None if room is None else Obstacle(room.footprint, scene.ceiling)
             scene.noise = replace(scene.noise, lost=measure_noise(scene, False, SOME).lost)
         carving = replace(carving, lost=scene.noise.lost)
-        within = carving.inside(scene.room) & ~carving.covered(seeds)
+        within = carving.inside(None if room is None else room.footprint) & ~carving.covered(seeds)
         seeds += [
             seed
             for seed in carving.seeds(within)

@@ -46,16 +46,20 @@ def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generat
     """
     for alternatives in (_ALTERNATIVES[:1], _ALTERNATIVES):
         queue = list(bodies)
+        all_fit = True
         while queue:
             body = queue.pop(0)
             if _misfit(scene, body) <= MISFIT:
                 continue
+            all_fit = False
             others = [each for each in bodies if each is not body]
             best = _instead(scene, others, body, cell, rng, alternatives)
             bodies[:] = others + best
             scene.obstacles = [each.obstacle for each in bodies]
             if len(best) > 1:
                 queue += best
+        if all_fit:
+            return
 
 
 def _instead(
@@ -114,7 +118,7 @@ def _misfit(scene: Scene, body: Body) -> float:
 def _score(scene: Scene, others: list[Body], bodies: list[Body], rows: Ints) -> float:
     scene.obstacles = [body.obstacle for body in others + bodies]
     n_parameters = sum(body.contenders[0].fit.shape.n_parameters for body in bodies)
-    cost = float(scene.costs(rows)[0].sum())
+    cost = float(scene.costs(rows).sum())
     return cost + 0.5 * float(np.log(len(rows))) * n_parameters
 
 

@@ -11,7 +11,7 @@ from primfit._check import Floats
 from primfit.beams import LEAST_SIGMA, Noise
 from primfit.fitting import Fit, Top, approach, climb, narrowed, settle
 from primfit.sampling import QUICK
-from primfit.scene import Scene
+from primfit.scene import Obstacle, Scene
 from primfit.templates import RECTANGLE
 
 _BEAMS = 20_000
@@ -80,7 +80,7 @@ def survey(
         for before, here in ((fine, all_beams),) if again else ((coarse, coarse), (coarse, fine)):
             start = narrowed(room, before / here)
             room, _, _ = settle(beams.some(here), start, Top(scene.ceiling, np.nan), rng, QUICK)
-        scene.room = room.footprint
+        scene.room = Obstacle(room.footprint, scene.ceiling)
     base_sigma = None
     if has_floor:
         scene.base, base_sigma = level_floor(scene, stride)
