@@ -50,14 +50,14 @@ def outline(at: Floats) -> shapely.Polygon:
     except (QhullError, ValueError):
         return shapely.Polygon()
     triangles = cells.simplices
-    corners = at[triangles]
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    edges = corners[:, 1:] - corners[:, :1]
-    twice_area = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
+    x, y = (coordinates[triangles.T] for coordinates in at.T)
+    edges = x - np.roll(x, 1, axis=0), y - np.roll(y, 1, axis=0)
+    sides = np.hypot(*edges)
+    twice_area = np.abs(edges[0][0] * edges[1][1] - edges[0][1] * edges[1][0])
     # Each side once: from the triangle with the higher number, or the only one.
     pairs = _sides_of(triangles)[cells.neighbors < np.arange(len(triangles))[:, None]]
     alpha = _BRIDGE * _widest_gap(at, pairs)
-    kept = sides.prod(axis=1) <= 2.0 * alpha * twice_area
+    kept = sides.prod(axis=0) <= 2.0 * alpha * twice_area
     kept &= twice_area > 0.0
     # The last number stands for no neighbour.
     is_rim = kept[:, None] & ~np.append(kept, False)[cells.neighbors]
@@ -87,7 +87,7 @@ def _thinned(at: Floats) -> Floats:
 
 def _widest_gap(at: Floats, pairs: Ints) -> float:
     """Longest edge of the minimum spanning tree of pairs with a group of points on either side."""
-    lengths = np.linalg.norm(at[pairs[:, 0]] - at[pairs[:, 1]], axis=1)
+    lengths = np.hypot(*(at[pairs[:, 0]] - at[pairs[:, 1]]).T)
     # A length of zero would count as no edge.
     lengths = np.maximum(lengths, 1e-12 * lengths.max())
     n = len(at)

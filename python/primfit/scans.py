@@ -228,8 +228,12 @@ class Scan:
 
         Moved there, squares of coordinates keep their digits.
         """
-        points = self.points[self.is_return]
-        if not len(points) or np.abs(points).max() <= 100.0 * extent(points):
+        is_return = self.is_return
+        points = self.points if is_return.all() else self.points[is_return]
+        if not len(points):
+            return np.zeros(3)
+        farthest = max(points.max(), -points.min())
+        if farthest <= 100.0 * extent(points):
             return np.zeros(3)
         return np.round(np.median(points, axis=0))
 

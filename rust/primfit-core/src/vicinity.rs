@@ -69,8 +69,16 @@ impl<'a> Vicinity<'a> {
     /// as the tree finds them, nearest first.
     fn look_for(&mut self, place: usize, k: usize, take: fn(&mut Self, usize) -> f64) -> bool {
         let k = k.min(self.tree.points().len());
-        if self.before.0 == k && self.found(place, k, GUESS * self.before.1, take) {
-            return true;
+        if self.before.0 == k {
+            let guess = GUESS * self.before.1;
+            if self.found(place, k, guess, take) {
+                return true;
+            }
+            // As if the points that were found lay on a surface.
+            let reach = guess * GUESS * (k as f64 / self.keys.len().max(1) as f64).sqrt();
+            if reach <= self.radius && self.found(place, k, reach, take) {
+                return true;
+            }
         }
         let point = &self.tree.points()[place];
         let last = self.tree.nearest(point, k, &mut self.search)[k - 1].squared.sqrt();
