@@ -15,8 +15,11 @@ import argparse
 import importlib.util
 import re
 import sys
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.metadata import version
+from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 
@@ -186,6 +189,12 @@ def map_rows(repeat: int) -> list[str]:
     ]
 
 
+def alone(measure: Callable[..., list[str]], *arguments: float) -> list[str]:
+    """Rows measured in a process of their own: threads that some peers leave spin on."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
+        return executor.submit(measure, *arguments).result()
+
+
 def main() -> None:
     """Measure, draw, and fill in the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -196,12 +205,12 @@ def main() -> None:
     rows = [
         "| kernel | primfit | beside it | times as fast |",
         "|---|---:|---:|---:|",
-        *ray_rows(arguments.repeat, arguments.share),
-        *scan_rows(arguments.repeat),
-        *score_rows(arguments.repeat),
-        *clustering_rows(arguments.repeat),
-        *cloud_rows(),
-        *map_rows(arguments.repeat),
+        *alone(ray_rows, arguments.repeat, arguments.share),
+        *alone(scan_rows, arguments.repeat),
+        *alone(score_rows, arguments.repeat),
+        *alone(clustering_rows, arguments.repeat),
+        *alone(cloud_rows),
+        *alone(map_rows, arguments.repeat),
     ]
     libraries = f"primfit {primfit.__version__}, Open3D {version('open3d-cpu')}"
     table = "\n".join([f"{libraries}; one thread, CPU seconds, medians.", "", *rows])
