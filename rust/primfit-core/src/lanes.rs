@@ -193,3 +193,43 @@ impl<const N: usize> Lanes for Plain<N> {
         self.0.iter().fold(f32::NEG_INFINITY, |a, &b| if a > b { a } else { b })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::instructions::{Instructions, for_each_set};
+
+    for_each_set! {
+        fn chosen(a: &[f32; 16], b: &[f32; 16]) -> ([[f32; 16]; 3], u32) {
+            type Row = <Set as Isa>::Sixteen;
+            let (a, b) = (Row::load(a), Row::load(b));
+            let (yes, no) = (Row::splat(1.0), Row::splat(2.0));
+            let rows = [a.where_le(b, yes, no), a.where_negative(yes, no), a.flip(b)];
+            (rows.map(Row::store), a.le(b))
+        }
+    }
+
+    #[test]
+    fn choices_are_the_same_on_all_sets() {
+        let odd = [0.0, -0.0, 1.0, -1.0, f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+        let a = std::array::from_fn(|i| odd[i % 8]);
+        for turn in 0..8 {
+            let b = std::array::from_fn(|i| odd[(i + turn) % 8]);
+            for set in Instructions::available() {
+                let ([by_order, by_sign, flipped], bits) = chosen(set, &a, &b);
+                for i in 0..16 {
+                    let is_le = a[i] <= b[i];
+                    let is_negative = a[i].is_sign_negative();
+                    assert_eq!(by_order[i].to_bits(), if is_le { 1.0_f32 } else { 2.0 }.to_bits());
+                    assert_eq!(bits >> i & 1 == 1, is_le);
+                    assert_eq!(
+                        by_sign[i].to_bits(),
+                        if is_negative { 1.0_f32 } else { 2.0 }.to_bits()
+                    );
+                    let sign = b[i].to_bits() & 1 << 31;
+                    assert_eq!(flipped[i].to_bits(), a[i].to_bits() ^ sign);
+                }
+            }
+        }
+    }
+}

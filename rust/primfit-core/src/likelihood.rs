@@ -70,10 +70,10 @@ pub fn wall_depths(beams: &BeamBlocks, footprint: &[[f64; 2]]) -> Vec<f64> {
 
 widest! {
 fn walls_depths(beams: &BeamBlocks, walls: &Walls) -> Vec<f64> {
-    type Row = <Set as Isa>::Sixteen;
+    type Lane = <Set as Isa>::Sixteen;
     let mut depths = Vec::with_capacity(beams.blocks.len() * BLOCK);
     for block in &beams.blocks {
-        let nearest = block.meet(walls, Row::splat(Real::INFINITY));
+        let nearest = block.meet(walls, Lane::splat(Real::INFINITY));
         depths.extend(nearest.store().map(f64::from));
     }
     depths
@@ -82,12 +82,12 @@ fn walls_depths(beams: &BeamBlocks, walls: &Walls) -> Vec<f64> {
 
 widest! {
 fn walls_cost(beams: &BeamBlocks, walls: &Walls) -> f64 {
-    type Row = <Set as Isa>::Sixteen;
+    type Lane = <Set as Isa>::Sixteen;
     let mut cost = 0.0;
     for run in beams.blocks.chunks(RUN) {
-        let mut sum = Row::splat(0.0);
+        let mut sum = Lane::splat(0.0);
         for block in run {
-            let nearest = block.meet(walls, Row::load(&block.background));
+            let nearest = block.meet(walls, Lane::load(&block.background));
             sum = sum + block.costs(nearest, beams.max_range);
         }
         cost += sum.store().map(f64::from).iter().sum::<f64>();
