@@ -12,8 +12,9 @@ from scipy.stats import chi2
 import primfit
 from primfit import _primfit
 from primfit.beams import Noise
+from primfit.competition import Contender, _simplest
 from primfit.evolution import evolve
-from primfit.fitting import approach, climb, find_top, settle
+from primfit.fitting import Fit, Top, approach, climb, find_top, settle
 from primfit.noise import estimate_range_sigma
 from primfit.sampling import QUICK, THOROUGH, Effort, sample
 from primfit.scene import Obstacle, Scene
@@ -369,3 +370,17 @@ def test_obstacles_have_a_face_for_every_triangle():
     np.testing.assert_allclose([vertices[:, 2].min(), vertices[:, 2].max()], [0.1, 0.5])
     top = triangles[faces == 3]
     np.testing.assert_allclose(vertices[top, 2], 0.5)
+
+
+@pytest.mark.parametrize(
+    ("evidences", "n_corners"),
+    [([-5.0, 0.0, -90.0], 8), ([-50.0, 0.0, -90.0], 9), ([-5.0, 0.0, 1.0], 4)],
+    ids=["as likely", "less likely", "a known kind"],
+)
+def test_of_free_polygons_about_as_likely_the_simplest_wins(evidences, n_corners):
+    rivals = [
+        Contender(Fit(shape, np.ones(8), np.eye(8), 0.0), Top(1.0, 0.1), np.ones(8), evidence)
+        for shape, evidence in zip((FreePolygon(8), FreePolygon(9), SQUARE), evidences, strict=True)
+    ]
+    shape = _simplest(rivals).fit.shape
+    assert (4 if shape is SQUARE else shape.n_corners) == n_corners

@@ -225,7 +225,7 @@ def _compete_again(
     They are sampled with few of the beams first, which know less narrowly where to go, then with
     more; kinds that fall behind are given up.
     """
-    beams = _near(scene, i, body, SOME if levels[-1] > 1 else 1)
+    beams = _near(scene, i, body, min(SOME, levels[-1]))
     starts = [each for each in body.contenders if each.stride]
     if not starts:
         top = find_top(beams, body.footprint)

@@ -77,7 +77,8 @@ def survey(
             some = beams.thinned(coarse // fine, 0.0)
             room = climb(some, room.shape, room.parameters, scene.ceiling)
         # Walls at the end of the reach hold a climb where it begins.
-        for before, here in ((fine, all_beams),) if again else ((coarse, coarse), (coarse, fine)):
+        steps = [(fine, all_beams)] if again else [(coarse, coarse), (coarse, fine)]
+        for before, here in steps:
             start = narrowed(room, before / here)
             room, _, _ = settle(beams.some(here), start, Top(scene.ceiling, np.nan), rng, QUICK)
         scene.room = Obstacle(room.footprint, scene.ceiling)

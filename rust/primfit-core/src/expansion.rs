@@ -104,7 +104,7 @@ fn add_slopes<L: Row>(
     sums: &mut [[L; 5]],
 ) {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
-    // Sigmas a metre where the range counts, else nothing; there are no closures over lanes.
+    // Sigmas a metre where the range counts, else nothing, and no infinite residual beside it.
     let residual = block.residuals(nearest);
     let precision = weight * L::load(&block.precision);
     let precision = nearest.where_le(L::splat(max_range), precision, zero);
