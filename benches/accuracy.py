@@ -22,11 +22,11 @@ import numpy as np
 from scipy.stats import chi2
 
 import primfit
-from primfit.beams import Noise
-from primfit.fitting import climb
-from primfit.footprints import symmetry_angle
-from primfit.scene import Obstacle, Scene
-from primfit.templates import TEMPLATES
+from primfit.geometry.footprints import symmetry_angle
+from primfit.likelihood.beams import Noise
+from primfit.likelihood.fitting import climb
+from primfit.likelihood.scene import Obstacle, Scene
+from primfit.likelihood.templates import TEMPLATES
 
 KINDS = ("triangle", "square", "rectangle", "pentagon")
 

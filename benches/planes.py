@@ -34,7 +34,7 @@ import shapely
 from plane_scenes import Scene
 
 import primfit
-from primfit.planes import axes_of
+from primfit.planes.plane import axes_of
 
 MOST_PLANES = 60
 

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import primfit
-from primfit.random_polyhedra import POLYHEDRA, random_polyhedron
+from primfit.worlds.random_polyhedra import POLYHEDRA, random_polyhedron
 
 
 def around(seed: int) -> tuple[primfit.World, primfit.Scan]:

@@ -12,8 +12,8 @@ from polyhedra import HIP, SHAPES, turned
 from scipy.spatial import ConvexHull
 
 import primfit
-from primfit.planes import Plane
-from primfit.random_polyhedra import POLYHEDRA, random_polyhedron
+from primfit.planes.plane import Plane
+from primfit.worlds.random_polyhedra import POLYHEDRA, random_polyhedron
 
 
 def sampled(solid, n, sigma, rng):

@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import primfit
-from primfit.adjacency import Face, meet
-from primfit.boxes import boxes_among
+from primfit.polyhedra.adjacency import Face, meet
+from primfit.polyhedra.boxes import boxes_among
 
 SIZE = np.array([0.5, 0.3, 0.2])
 TURN = Rotation.from_rotvec([0.1, -0.15, 0.5]).as_matrix()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import primfit
-from primfit import plotting, reproduction
+from primfit import reproduction
 
 
 def primfit_command(*words, cwd):
@@ -120,7 +120,7 @@ def test_every_table_of_the_paper(number, tmp_path):
         if case.noise == 0 and case.columns >= 16:
             assert outcomes["ours"].n_right == outcomes["ours"].n_solids
     json.dumps(table.to_dict())
-    plotting.save_against_noise(tmp_path / "noise.png", table)
+    reproduction.save_against_noise(tmp_path / "noise.png", table)
     assert (tmp_path / "noise.png").stat().st_size > 10_000
 
 

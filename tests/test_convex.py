@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import primfit
-from primfit.convex import convex_corners
-from primfit.random_polyhedra import POLYHEDRA, random_polyhedron
+from primfit.polyhedra.convex import convex_corners
+from primfit.worlds.random_polyhedra import POLYHEDRA, random_polyhedron
 
 
 def planes_of(solid, rng):

@@ -11,7 +11,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 import primfit
-from primfit import _primfit, casting
+from primfit import _primfit
+from primfit.scans import casting
 
 
 def box(low=(0, 0, 0), high=(1, 1, 1)):

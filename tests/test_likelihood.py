@@ -11,14 +11,22 @@ from scipy.stats import chi2
 
 import primfit
 from primfit import _primfit
-from primfit.beams import Noise
-from primfit.competition import Contender, _simplest
-from primfit.evolution import evolve
-from primfit.fitting import Fit, Top, approach, climb, find_top, settle
-from primfit.noise import estimate_range_sigma
-from primfit.sampling import QUICK, THOROUGH, Effort, sample
-from primfit.scene import Obstacle, Scene
-from primfit.templates import RECTANGLE, REGULAR, SQUARE, STARS, TEMPLATES, FreePolygon, kin
+from primfit.clouds.noise import estimate_range_sigma
+from primfit.likelihood.beams import Noise
+from primfit.likelihood.competition import Contender, _simplest
+from primfit.likelihood.evolution import evolve
+from primfit.likelihood.fitting import Fit, Top, approach, climb, find_top, settle
+from primfit.likelihood.sampling import QUICK, THOROUGH, Effort, sample
+from primfit.likelihood.scene import Obstacle, Scene
+from primfit.likelihood.templates import (
+    RECTANGLE,
+    REGULAR,
+    SQUARE,
+    STARS,
+    TEMPLATES,
+    FreePolygon,
+    kin,
+)
 
 ROOM = primfit.World([], primfit.Arena((1, 1)))
 

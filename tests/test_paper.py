@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import primfit
-from primfit import PaperSettings, topology
-from primfit.classification import classify_by_sides
-from primfit.noise import estimate_sigma
-from primfit.ransac import NoisyPoints, Orientation, draw_hypotheses
+from primfit import PaperSettings
+from primfit.clouds.noise import estimate_sigma
+from primfit.paper import topology
+from primfit.paper.classification import classify_by_sides
+from primfit.planes.ransac import NoisyPoints, Orientation, draw_hypotheses
 
 detect = partial(primfit.detect, method="paper")
 

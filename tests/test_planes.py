@@ -8,7 +8,7 @@ import shapely
 from scipy.optimize import linear_sum_assignment
 
 import primfit
-from primfit.planes import axes_of
+from primfit.planes.plane import axes_of
 
 
 def cube(n=1500, sigma=0.003, seed=1):

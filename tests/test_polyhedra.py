@@ -243,7 +243,10 @@ class TestSurface:
             for normal in solid.normals
         ]
         assert mesh.area == pytest.approx(
-            sum(np.linalg.norm(v) for v in primfit.shells.area_vectors(solid.vertices, solid.faces))
+            sum(
+                np.linalg.norm(v)
+                for v in primfit.geometry.shells.area_vectors(solid.vertices, solid.faces)
+            )
         )
         assert min(areas) > 0
         assert len(solid.vertices) - len(solid.edges) + len(solid.faces) == 2

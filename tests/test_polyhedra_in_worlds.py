@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import primfit
 from primfit import Polyhedron, plotting
-from primfit.random_polyhedra import POLYHEDRA
+from primfit.worlds.random_polyhedra import POLYHEDRA
 
 
 class TestWorlds:

@@ -11,7 +11,7 @@ import pytest
 
 import primfit
 from primfit import plotting
-from primfit.detection import FoundSolid
+from primfit.results import FoundSolid
 
 
 def as_found(world, found, changes=()):

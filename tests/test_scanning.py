@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import primfit
-from primfit.sensors import E_PUCK_TURRET
+from primfit.scans.lidar import E_PUCK_TURRET
 
 EMPTY = primfit.World(arena=primfit.Arena((1, 1)))
 

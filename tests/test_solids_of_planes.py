@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import primfit
 from primfit import plotting
-from primfit.random_polyhedra import POLYHEDRA, random_polyhedron
+from primfit.worlds.random_polyhedra import POLYHEDRA, random_polyhedron
 
 
 def looking(place, target):

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import primfit
-from primfit import footprints
-from primfit.random_worlds import SIZES, grow
+from primfit.geometry import footprints
+from primfit.worlds.random_worlds import SIZES, grow
 
 angles = st.floats(0, 2 * np.pi)
 places = st.tuples(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4))

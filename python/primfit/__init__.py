@@ -2,29 +2,30 @@
 
 from importlib.metadata import version
 
-from primfit.box_fit import BoxFit, fit_box
-from primfit.casting import RayCaster
-from primfit.clouds import Cloud
-from primfit.clustering import dbscan
-from primfit.depth import points_of_depth
-from primfit.detection import Detection, FoundArena, FoundSolid, detect
+from primfit.clouds.cloud import Cloud
+from primfit.clouds.clustering import dbscan
+from primfit.clouds.depth import points_of_depth
+from primfit.clouds.files import read_cloud, read_points, write_cloud, write_points
+from primfit.clouds.normals import estimate_normals
+from primfit.detection import detect
 from primfit.evaluation import Report, evaluate
-from primfit.files import read_cloud, read_points, write_cloud, write_points
-from primfit.found_polyhedra import FoundPolyhedron, Polyhedra
-from primfit.normals import estimate_normals
-from primfit.paper import PaperSettings
-from primfit.paths import grid_path, waypoints
-from primfit.plane_detection import detect_planes
-from primfit.planes import Plane, Planes
-from primfit.polyhedra import find_polyhedra
-from primfit.polyhedron import Polyhedron
-from primfit.random_worlds import WorldFullError, random_world
-from primfit.scanning import scan
-from primfit.scans import Scan
+from primfit.paper.detection import PaperSettings
+from primfit.planes.detection import detect_planes
+from primfit.planes.plane import Plane, Planes
+from primfit.polyhedra.assembly import find_polyhedra
+from primfit.polyhedra.box_fit import BoxFit, fit_box
+from primfit.polyhedra.found import FoundPolyhedron, Polyhedra
+from primfit.results import Detection, FoundArena, FoundSolid
+from primfit.scans.casting import RayCaster
+from primfit.scans.lidar import Lidar
+from primfit.scans.scan import Scan
+from primfit.scans.scanning import scan
 from primfit.segmentation import SegmentationReport, evaluate_segmentation
-from primfit.sensors import Lidar
-from primfit.solids import Prism
-from primfit.worlds import Arena, World
+from primfit.worlds.paths import grid_path, waypoints
+from primfit.worlds.polyhedron import Polyhedron
+from primfit.worlds.prism import Prism
+from primfit.worlds.random_worlds import WorldFullError, random_world
+from primfit.worlds.world import Arena, World
 
 __version__ = version("primfit")
 

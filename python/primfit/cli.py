@@ -286,9 +286,7 @@ def reproduce(
             progress=progress and sys.stderr.isatty(),
         )
     if figure:
-        from primfit import plotting
-
-        plotting.save_against_noise(figure, tables[-1])
+        reproduction.save_against_noise(figure, tables[-1])
     if as_json:
         _say(json.dumps([table.to_dict() for table in tables]))
         return

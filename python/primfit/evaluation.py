@@ -10,13 +10,13 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from primfit._check import Floats, instance, number
-from primfit.detection import Detection, FoundSolid
-from primfit.footprints import symmetry_angle
-from primfit.found_polyhedra import FoundPolyhedron
-from primfit.polyhedron import Polyhedron
-from primfit.shapes import turn_between
-from primfit.solids import Prism
-from primfit.worlds import Solid, World
+from primfit.geometry.footprints import symmetry_angle
+from primfit.geometry.shapes import turn_between
+from primfit.polyhedra.found import FoundPolyhedron
+from primfit.results import Detection, FoundSolid
+from primfit.worlds.polyhedron import Polyhedron
+from primfit.worlds.prism import Prism
+from primfit.worlds.world import Solid, World
 
 if TYPE_CHECKING:
     from pandas import DataFrame

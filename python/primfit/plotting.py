@@ -9,17 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from primfit._check import Floats
-from primfit.detection import Detection, FoundSolid
-from primfit.found_polyhedra import FoundPolyhedron
-from primfit.scans import Scan
-from primfit.shells import area_vectors
-from primfit.worlds import COLORS, OTHER_COLOR, Solid, World
+from primfit.geometry.shells import area_vectors
+from primfit.polyhedra.found import FoundPolyhedron
+from primfit.results import Detection, FoundSolid
+from primfit.scans.scan import Scan
+from primfit.worlds.world import COLORS, OTHER_COLOR, Solid, World
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from primfit.reproduction import Table
 
 _UNLABELLED = "0.75"
 _MOST_POINTS = 40_000
@@ -179,26 +177,6 @@ def save_detection(file: Any, found: Detection) -> None:
     margin = 0.05 * (high - low).max()
     ax.set_xlim(low[0] - margin, high[0] + margin)
     ax.set_ylim(low[1] - margin, high[1] + margin)
-    figure.savefig(file, dpi=130)
-
-
-def save_against_noise(file: Any, table: Table) -> None:
-    """Share of solids found, and their median centre error, against noise, as a picture file."""
-    figure = new_figure(11, 4.2)
-    found, error = figure.subplots(1, 2)
-    for method in table.rows[0][1]:
-        outcomes = [(case.noise, outcomes[method]) for case, outcomes in table.rows]
-        noise = [1000 * sigma for sigma, _ in outcomes]
-        found.plot(noise, [100 * each.n_right / each.n_solids for _, each in outcomes], "o-")
-        medians = [np.median(each.center_mm) if each.center_mm else np.nan for _, each in outcomes]
-        error.plot(noise, medians, "o-", label=method)
-    found.set_ylabel("right kind, right place [%]")
-    error.set_ylabel("centre error, median [mm]")
-    error.set_yscale("symlog", linthresh=0.01)
-    error.legend()
-    for ax in (found, error):
-        ax.set_xlabel("standard deviation of the ranges [mm]")
-        ax.grid(alpha=0.3)
     figure.savefig(file, dpi=130)
 
 

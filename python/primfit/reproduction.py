@@ -13,11 +13,12 @@ from tqdm import tqdm
 
 from primfit.detection import detect
 from primfit.evaluation import Report, evaluate
-from primfit.paper import PaperSettings
-from primfit.paths import grid_path
-from primfit.random_worlds import random_world
-from primfit.scanning import scan
-from primfit.sensors import Lidar
+from primfit.paper.detection import PaperSettings
+from primfit.plotting import new_figure
+from primfit.scans.lidar import Lidar
+from primfit.scans.scanning import scan
+from primfit.worlds.paths import grid_path
+from primfit.worlds.random_worlds import random_world
 
 PREFACE = """\
 What the paper leaves open, and what stands for it here: arenas of 2 x 2 m for maps, 1 x 1 m for
@@ -258,6 +259,26 @@ def reproduce(
         )
     rows = iter(zip(cases, outcomes, strict=True))
     return [Table(title, tuple(next(rows) for _ in cases)) for title, cases in chosen]
+
+
+def save_against_noise(file: Any, table: Table) -> None:
+    """Share of solids found, and their median centre error, against noise, as a picture file."""
+    figure = new_figure(11, 4.2)
+    found, error = figure.subplots(1, 2)
+    for method in table.rows[0][1]:
+        outcomes = [(case.noise, outcomes[method]) for case, outcomes in table.rows]
+        noise = [1000 * sigma for sigma, _ in outcomes]
+        found.plot(noise, [100 * each.n_right / each.n_solids for _, each in outcomes], "o-")
+        medians = [np.median(each.center_mm) if each.center_mm else np.nan for _, each in outcomes]
+        error.plot(noise, medians, "o-", label=method)
+    found.set_ylabel("right kind, right place [%]")
+    error.set_ylabel("centre error, median [mm]")
+    error.set_yscale("symlog", linthresh=0.01)
+    error.legend()
+    for ax in (found, error):
+        ax.set_xlabel("standard deviation of the ranges [mm]")
+        ax.grid(alpha=0.3)
+    figure.savefig(file, dpi=130)
 
 
 def _run(job: tuple[Case, int, bool]) -> dict[str, tuple[int, Report]]:

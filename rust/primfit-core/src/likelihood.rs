@@ -1,9 +1,17 @@
 //! How well upright prisms explain the ranges of many beams.
 
-use crate::beams::{BLOCK, BeamBlocks, Real, Walls};
+mod beams;
+mod carving;
+mod expansion;
+
+pub use beams::{BeamBlocks, Beams, Candidate, Prices};
+pub use carving::{Grid, carve};
+pub use expansion::{Expansion, expand};
+
 use crate::instructions::widest;
 use crate::lanes::{Isa, Lanes};
 use crate::{Error, Workers};
+use beams::{BLOCK, Real, Walls};
 use rayon::prelude::*;
 
 /// Candidates between two questions to the caller.
@@ -14,17 +22,6 @@ const FEW: usize = 1 << 17;
 
 /// Blocks that are summed up in single precision.
 pub(crate) const RUN: usize = 8;
-
-/// An upright prism: corners of its footprint in order, bottom and top.
-#[derive(Clone, Copy)]
-pub struct Candidate<'a> {
-    /// At least three corners in order, in either direction.
-    pub footprint: &'a [[f64; 2]],
-    /// z of its lower end.
-    pub bottom: f64,
-    /// z of its upper end.
-    pub top: f64,
-}
 
 /// Negative log-likelihood of the ranges for each candidate, up to a constant.
 ///

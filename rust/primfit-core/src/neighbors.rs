@@ -3,6 +3,11 @@
 //! A k-d tree (Bentley, 1975) whose leaves hold 16 points, stored in the order of the tree:
 //! what is near in space is mostly near in memory. Ties go to the lower row.
 
+pub(crate) mod normals;
+pub(crate) mod vicinity;
+
+pub use normals::LocalPlane;
+
 use crate::bounds::bounds;
 use crate::{Error, Vector, Workers};
 

@@ -1,17 +1,29 @@
 //! The planes of a cloud of which nothing is known: grown, in competition, cut, merged, tested.
 
-use crate::acceptance::accept;
-use crate::continuation::without_patches;
-use crate::graph::Graph;
-use crate::growth::{FEWEST, NOBODY, Seed, grow};
-use crate::merging::merge;
+mod acceptance;
+mod continuation;
+mod curvature;
+mod gaps;
+mod graph;
+mod growth;
+mod merging;
+mod noise;
+mod regions;
+mod roughness;
+mod splitting;
+
 use crate::neighbors::PointTree;
-use crate::noise::{common_noise, spread_noise};
-use crate::normals::{LocalPlane, THICKEST};
-use crate::regions::{self, compete};
-use crate::roughness::Surfaces;
-use crate::splitting::split;
+use crate::neighbors::normals::{LocalPlane, THICKEST};
 use crate::{Error, Workers};
+use acceptance::accept;
+use continuation::without_patches;
+use graph::Graph;
+use growth::{FEWEST, NOBODY, Seed, grow};
+use merging::merge;
+use noise::{common_noise, spread_noise};
+use regions::compete;
+use roughness::Surfaces;
+use splitting::split;
 
 /// Points of which each gets a local plane; of more, every second, third ... up to 32nd does.
 const MOST_LOCAL: usize = 62_500;

@@ -1,0 +1,213 @@
+"""Clouds and meshes in files; some formats need the libraries of the extra ``files``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from primfit._check import Floats, Ints, instance
+from primfit.clouds.cloud import Cloud
+from primfit.clouds.formats import arrays, e57, las, pcd, ply, text
+
+_FORMATS = {
+    ".ply": ply,
+    ".pcd": pcd,
+    ".las": las,
+    ".laz": las,
+    ".e57": e57,
+    ".xyz": text,
+    ".pts": text,
+    ".txt": text,
+    ".npy": arrays,
+    ".npz": arrays,
+}
+
+
+def read_cloud(file: str | PathLike[str], *, columns: Sequence[str] | None = None) -> Cloud:
+    """The points of a file with what it says of each, all of them and in order.
+
+    Coordinates are float64 and lose nothing; files that hold float32, as many .ply and .pcd do,
+    have lost the digits of a national grid already. Takes up to 150 bytes a point.
+
+    Parameters
+    ----------
+    file : path
+        .ply, .pcd (organised ones keep their shape), .las, .laz, .e57 (all its scans, in the frame
+        of the file), .xyz, .pts, .txt, .npy (n, 3), (h, w, 3) or with named columns, .npz with an
+        array "points", as that of a scan of primfit.
+    columns : sequence of str or None
+        Names of the columns of a text file, such as ("x", "y", "z", "label"). None takes them from
+        a line before the points; without one they are x, y, z, "column_4" and so on, and those of
+        .pts x, y, z, intensity, red, green, blue.
+
+    Returns
+    -------
+    Cloud
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is no such file.
+    ValueError
+        When the format is not known, or the file is not readable as what its suffix says, such as
+        an empty or a truncated one.
+    ModuleNotFoundError
+        When the extra ``files`` is not installed.
+
+    Examples
+    --------
+    >>> import primfit, tempfile, os
+    >>> file = os.path.join(tempfile.mkdtemp(), "cloud.xyz")
+    >>> primfit.write_cloud(file, primfit.Cloud([[1, 2, 3]], {"label": [7]}))
+    >>> primfit.read_cloud(file).fields["label"]
+    array([7])
+    """
+    path = Path(file)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    kind = _FORMATS[_suffix(path)]
+    if columns is not None and kind is not text:
+        raise ValueError(f"columns are for text files, not for {path.name!r}")
+    try:
+        return text.read(path, columns) if kind is text else kind.read(path)
+    except ModuleNotFoundError as error:
+        raise _missing(error, path) from None
+    except MemoryError:
+        raise
+    except Exception as error:  # each library has errors of its own
+        raise ValueError(f"{path} is not readable as {path.suffix}: {_why(error)}") from error
+
+
+def read_points(file: str | PathLike[str]) -> Floats:
+    """The points of a file alone: ``read_cloud(file).points``.
+
+    Parameters
+    ----------
+    file : path
+        In any format of `read_cloud`.
+
+    Returns
+    -------
+    points : (n, 3) float64, metres
+        As the file has them; pixels and beams without a point are NaN.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, ModuleNotFoundError
+        As `read_cloud` does.
+
+    Examples
+    --------
+    >>> import primfit, tempfile, os
+    >>> file = os.path.join(tempfile.mkdtemp(), "cloud.xyz")
+    >>> primfit.write_points(file, [[1, 2, 3]])
+    >>> primfit.read_points(file)
+    array([[1., 2., 3.]])
+    """
+    return read_cloud(file).points
+
+
+def write_cloud(file: str | PathLike[str], cloud: Cloud) -> None:
+    """Write points with all their fields.
+
+    Coordinates keep their float64, but in .las and .laz, which count in steps: of a micrometre for
+    spans of up to 4 km, of more for longer ones. Whole numbers stay whole, in a type that the
+    format has; .pcd, .npy and .npz keep the shape of an organised cloud.
+
+    Parameters
+    ----------
+    file : path
+        .ply, .pcd, .las, .laz, .e57, .xyz, .pts, .txt, .npy or .npz.
+    cloud : Cloud
+
+    Raises
+    ------
+    ValueError
+        When the format is not known, or cannot keep what the cloud has: points that are not finite
+        and an intensity with fractions in .las and .laz, whole numbers of more than 32 bits in
+        .ply, no point at all in .e57.
+    ModuleNotFoundError
+        When the extra ``files`` is not installed.
+
+    Examples
+    --------
+    >>> import primfit, tempfile, os
+    >>> file = os.path.join(tempfile.mkdtemp(), "cloud.ply")
+    >>> primfit.write_cloud(file, primfit.Cloud([[1, 2, 3]], {"color": [[255, 0, 0]]}))
+    >>> primfit.read_cloud(file)
+    Cloud(1 point: color)
+    """
+    path = Path(file)
+    kind = _FORMATS[_suffix(path)]
+    instance("cloud", cloud, Cloud)
+    try:
+        kind.write(path, cloud)
+    except ModuleNotFoundError as error:
+        raise _missing(error, path) from None
+    except (MemoryError, OSError):
+        raise
+    except Exception as error:  # each library has errors of its own
+        raise ValueError(f"{path} cannot hold {cloud!r}: {_why(error)}") from error
+
+
+def write_points(
+    file: str | PathLike[str], points: ArrayLike, *, colors: ArrayLike | None = None
+) -> None:
+    """Write points, coloured if wanted.
+
+    Parameters
+    ----------
+    file : path
+        In any format of `write_cloud`.
+    points : (n, 3) float64, metres
+    colors : (n, 3) uint8 or None
+        Red, green, blue.
+
+    Raises
+    ------
+    ValueError, ModuleNotFoundError
+        As `write_cloud` does, and when the arrays do not match.
+    """
+    fields = {}
+    if colors is not None:
+        fields["color"] = np.asarray(colors).astype(np.uint8)
+        if not np.array_equal(fields["color"], colors):
+            raise ValueError("colors must be whole numbers from 0 to 255")
+    write_cloud(file, Cloud(points, fields))  # type: ignore[arg-type]
+
+
+def write_mesh(file: str | PathLike[str], vertices: Floats, triangles: Ints) -> None:
+    """Write a triangle mesh in the format of the suffix: .ply, .obj or .stl."""
+    path = Path(file)
+    if path.suffix.lower() not in (".ply", ".obj", ".stl"):
+        raise ValueError(f"file must end in .ply, .obj or .stl, not {path.name!r}")
+    if path.suffix.lower() == ".ply":
+        ply.write(path, Cloud(vertices), triangles)
+        return
+    try:
+        import trimesh
+    except ModuleNotFoundError as error:
+        raise _missing(error, path) from None
+    trimesh.Trimesh(vertices, triangles, process=False).export(path)
+
+
+def _suffix(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in _FORMATS:
+        raise ValueError(f"file must end in one of {', '.join(_FORMATS)}, not {path.name!r}")
+    return suffix
+
+
+def _why(error: Exception) -> str:
+    """The first line of its message: a library tells its own trace in the others."""
+    return next(iter(str(error).splitlines()), type(error).__name__)
+
+
+def _missing(error: ModuleNotFoundError, path: Path) -> ModuleNotFoundError:
+    return ModuleNotFoundError(
+        f"{path.suffix} files need {error.name}: install it with pip install 'primfit[files]'"
+    )

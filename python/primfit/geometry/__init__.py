@@ -1,0 +1,1 @@
+"""Shapes by themselves: outlines, prisms over them, closed surfaces of flat faces."""

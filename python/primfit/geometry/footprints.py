@@ -1,0 +1,215 @@
+"""Footprints of prisms: simple polygons in the plane, their names and their symmetry.
+
+A footprint is an (m, 2) float64 array, counter-clockwise, not closed, without collinear vertices.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from primfit._check import Floats, Ints, as_rows
+
+NAMES = {3: "triangle", 4: "square", 5: "pentagon", 6: "hexagon", 7: "heptagon", 8: "octagon"}
+NAMES |= {9: "nonagon", 10: "decagon", 11: "hendecagon", 12: "dodecagon"}
+"""Regular polygons by their number of vertices; beyond twelve it is "13-gon" and so on."""
+
+TOLERANCE = 1e-6
+"""Relative difference of sides and angles that still counts as equal: far above rounding."""
+
+
+def regular_name(n_vertices: int) -> str:
+    """Name of the regular polygon with ``n_vertices`` vertices."""
+    return NAMES.get(n_vertices, f"{n_vertices}-gon")
+
+
+def clean_footprint(vertices: ArrayLike) -> Floats:
+    """Outline as a footprint: checked, counter-clockwise, without collinear vertices.
+
+    Parameters
+    ----------
+    vertices : (m, 2) float64, metres
+        Corners in order, in either direction, closed or not.
+
+    Raises
+    ------
+    ValueError
+        When it has fewer than three corners, crosses or touches itself, or has no area.
+    """
+    outline = as_rows("footprint", vertices, 2)
+    if len(outline):
+        span = np.ptp(outline, axis=0).max()
+        rounding = 4.0 * np.finfo(float).eps * np.abs(outline).max()
+        step = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1)
+        outline = outline[step > 1e-9 * span + rounding]
+    if len(outline) < 3:
+        raise ValueError(f"footprint must have at least 3 distinct vertices, not {len(outline)}")
+    polygon = shapely.Polygon(outline)
+    if not polygon.is_valid:
+        why = shapely.is_valid_reason(polygon)
+        raise ValueError(f"footprint must be a simple polygon that does not cross itself: {why}")
+    if polygon.area <= 1e-12 * span**2:
+        raise ValueError("footprint must enclose an area, but its vertices lie on a line")
+    if not polygon.exterior.is_ccw:
+        outline = outline[::-1]
+    before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
+    turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    lengths = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
+    straight = 1e-12 * lengths + 2.0 * rounding * np.sqrt(np.maximum(lengths, rounding**2))
+    return np.array(outline[np.abs(turn) > straight])
+
+
+def sides(footprint: Floats) -> Floats:
+    """Vectors (m, 2) from each vertex to the next."""
+    return np.roll(footprint, -1, axis=0) - footprint
+
+
+def signed_area(outline: Floats) -> float:
+    """Area of a closed outline: positive when it runs counter-clockwise."""
+    x, y = (outline - outline[0]).T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def area_centroid(footprint: Floats) -> Floats:
+    """Centroid (2,) of the area of a footprint."""
+    local = footprint - footprint[0]
+    following = np.roll(local, -1, axis=0)
+    weight = local[:, 0] * following[:, 1] - local[:, 1] * following[:, 0]
+    mean: Floats = weight @ (local + following) / (3.0 * weight.sum())
+    return footprint[0] + mean
+
+
+def symmetry(footprint: Floats, tolerance: float = TOLERANCE) -> tuple[int, int]:
+    """First side and order of the rotation symmetry of a footprint.
+
+    The first side is the longest; where sides are equally long, the one whose run of sides and
+    turns comes last in dictionary order. It turns with the footprint, so its direction tells the
+    angle; the angle is known modulo a full turn over the order.
+
+    Returns
+    -------
+    first, order : int
+    """
+    vectors = sides(footprint)
+    lengths = np.linalg.norm(vectors, axis=1)
+    headings = np.arctan2(vectors[:, 1], vectors[:, 0])
+    turns = np.mod(np.roll(headings, -1) - headings + np.pi, 2 * np.pi)
+    words = np.rint(np.stack([lengths / lengths.max(), turns / np.pi], axis=1) / tolerance)
+    # Equal numbers may fall on either side of a rounding step: give neighbours one name.
+    for column in words.T:
+        order = np.argsort(column, kind="stable")
+        steps = np.diff(column[order], prepend=column[order[0]]) > 2
+        column[order] = np.cumsum(steps)
+    runs = [tuple(np.roll(words, -i, axis=0).ravel()) for i in range(len(footprint))]
+    best = max(runs)
+    return runs.index(best), runs.count(best)
+
+
+def kind_of(footprint: Floats, tolerance: float = TOLERANCE) -> str:
+    """Name of a footprint: "triangle", "square", "rectangle", ..., "star" or "polygon".
+
+    Triangle, square, pentagon and so on are regular; a star has alternating radii.
+    """
+    n = len(footprint)
+    order = symmetry(footprint, tolerance)[1]
+    if order == n:
+        return regular_name(n)
+    if n == 4 and order == 2:
+        a, b = sides(footprint)[:2]
+        square_corner = abs(a @ b) <= tolerance * np.linalg.norm(a) * np.linalg.norm(b)
+        return "rectangle" if square_corner else "polygon"
+    if n >= 6 and 2 * order == n and _is_mirrored(footprint, tolerance):
+        return "star"
+    return "polygon"
+
+
+def _is_mirrored(footprint: Floats, tolerance: float) -> bool:
+    """Whether all sides are equally long, as in a star and not in a pinwheel."""
+    lengths = np.linalg.norm(sides(footprint), axis=1)
+    return bool(np.ptp(lengths) <= tolerance * lengths.max())
+
+
+def angle_of(footprint: Floats, kind: str | None = None, tolerance: float = TOLERANCE) -> float:
+    """Angle of a footprint, radians, from zero up to its symmetry (see `symmetry_angle`).
+
+    Zero when the lowest side lies along +x; for a rectangle a long side, for a star when a tip
+    points to +y, for other polygons the first side of `symmetry`.
+    """
+    kind = kind or kind_of(footprint)
+    first, order = symmetry(footprint, tolerance)
+    if kind == "star":
+        arms = footprint - footprint.mean(axis=0)
+        tip = arms[int(np.argmax(np.linalg.norm(arms, axis=1)))]
+        heading = np.arctan2(tip[1], tip[0]) - np.pi / 2
+    else:
+        side = sides(footprint)[first]
+        heading = np.arctan2(side[1], side[0])
+    return wrap(float(heading), 2 * np.pi / order)
+
+
+def wrap(angle: float, period: float) -> float:
+    """``angle`` modulo ``period``, from zero up to but not including the period."""
+    wrapped = angle % period
+    return 0.0 if period - wrapped < 1e-12 else wrapped
+
+
+def symmetry_angle(footprint: Floats) -> float:
+    """The smallest turn, radians, that lays the footprint onto itself."""
+    return 2 * np.pi / symmetry(footprint)[1]
+
+
+def size_of(footprint: Floats, kind: str | None = None) -> float | tuple[float, float]:
+    """Size of a footprint, metres.
+
+    The side of a regular polygon, (long, short) side of a rectangle, (outer, inner) radius of a
+    star, and for other polygons (long, short) side of the smallest rectangle around it.
+    """
+    kind = kind or kind_of(footprint)
+    footprint = footprint - footprint[0]
+    if kind == "star":
+        radii = np.linalg.norm(footprint - footprint.mean(axis=0), axis=1)
+        return float(radii.max()), float(radii.min())
+    if kind in ("rectangle", "polygon"):
+        around = shapely.minimum_rotated_rectangle(shapely.Polygon(footprint))
+        lengths = np.linalg.norm(np.diff(shapely.get_coordinates(around), axis=0), axis=1)
+        return float(lengths.max()), float(lengths.min())
+    return float(np.linalg.norm(sides(footprint), axis=1).mean())
+
+
+def regular_footprint(n: int, side: float, center: Floats, angle: float) -> Floats:
+    """Vertices (n, 2) of a regular polygon."""
+    radius = side / (2 * np.sin(np.pi / n))
+    bearings = 2 * np.pi * np.arange(n) / n - np.pi / 2 - np.pi / n
+    return _place(radius * np.exp(1j * bearings), center, angle)
+
+
+def rectangle_footprint(long: float, short: float, center: Floats, angle: float) -> Floats:
+    """Vertices (4, 2) of a rectangle."""
+    corners = np.array([-long - 1j * short, long - 1j * short, long + 1j * short])
+    return _place(np.append(corners, -long + 1j * short) / 2, center, angle)
+
+
+def star_footprint(n: int, outer: float, inner: float, center: Floats, angle: float) -> Floats:
+    """Vertices (2n, 2) of a star with n tips."""
+    radii = np.tile([outer, inner], n)
+    return _place(radii * np.exp(1j * (np.pi / 2 + np.pi * np.arange(2 * n) / n)), center, angle)
+
+
+def _place(local: np.ndarray, center: Floats, angle: float) -> Floats:
+    turned = local * np.exp(1j * angle)
+    return np.stack([turned.real, turned.imag], axis=1) + center
+
+
+def triangulate(footprint: Floats) -> Ints:
+    """Triangles (t, 3) of a footprint, counter-clockwise, without new corners."""
+    pieces = shapely.constrained_delaunay_triangles(shapely.Polygon(footprint))
+    corners = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3]
+    distance = np.abs(corners[:, :, None] - footprint).sum(axis=-1)
+    triangles: Ints = distance.argmin(axis=-1)
+    a, b, c = np.moveaxis(footprint[triangles], 1, 0)
+    clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (b[:, 1] - a[:, 1]) * (
+        c[:, 0] - a[:, 0]
+    )
+    triangles[clockwise] = triangles[clockwise][:, ::-1]
+    return triangles

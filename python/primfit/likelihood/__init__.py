@@ -1,0 +1,1 @@
+"""Solids by the likelihood of all ranges: seeds, competing kinds, repair, uncertainty."""

@@ -1,0 +1,267 @@
+"""Fitting one solid to the beams around it: from a guess to a posterior.
+
+`climb` follows the smooth part of the likelihood uphill with the top of the solid where `find_top`
+saw it; `settle` samples all of the likelihood, for shape and top together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg.lapack import dposv
+
+from primfit._check import Floats
+from primfit.likelihood.beams import Beams, Local
+from primfit.likelihood.evolution import evolve
+from primfit.likelihood.sampling import FEW, Effort, Posterior, sample
+from primfit.likelihood.templates import Shape
+
+_BLUR = 0.05
+"""Standard deviation, as a fraction of a solid's size, with which it is sought at first."""
+
+_SHARPENING = 3.0
+"""By how much the standard deviation falls from one climb to the next."""
+
+_LEAST_GAIN = 0.1
+"""Log-likelihood that a step must promise to be worth taking."""
+
+_LEAST_TOLD = 1e-5
+"""Least information that a combination of parameters is taken to have, as a share of that of each:
+the sums over the beams are in single precision."""
+
+_MARGIN, _ROOM = 6.0, 4.5
+"""Standard deviations of the corners: those that a local likelihood admits at first, and those
+that the posterior must find admitted."""
+
+_RISE = 0.2
+"""Steepest beams that pass over a solid, as a rule."""
+
+_WIDEST = 0.25
+"""Most that corners may move in one round, as a fraction of the extent."""
+
+_CAST = 2000
+"""Beams that are so few that all of them are cast for each draw."""
+
+_ROUNDS = 3
+"""Regions that are tried."""
+
+_UNKNOWN = 3.0
+"""Log-likelihood by which a finite height must beat an endless one to be known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A shape with parameters, as good as the smooth part of the likelihood makes it.
+
+    Attributes
+    ----------
+    shape : Shape
+    parameters : (d,) float64
+    covariance : (d, d) float64
+        Inverse of the Fisher information of the ranges.
+    cost : float
+    """
+
+    shape: Shape
+    parameters: Floats
+    covariance: Floats
+    cost: float
+
+    @property
+    def footprint(self) -> Floats:
+        """Corners (m, 2), metres."""
+        return self.shape.frame(self.parameters)[0]
+
+    @property
+    def corner_sigma(self) -> float:
+        """Largest standard deviation of a corner, metres."""
+        _, jacobian = self.shape.frame(self.parameters)
+        variances = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
+        return float(np.sqrt(variances.reshape(-1, 2).sum(axis=1).max()))
+
+
+@dataclass(frozen=True)
+class Top:
+    """z of the top of a solid, as its beams tell it.
+
+    Attributes
+    ----------
+    z, sigma : float, metres
+        Sigma is NaN where no beam passes over.
+    """
+
+    z: float
+    sigma: float
+
+
+def climb(beams: Beams, shape: Shape, start: Floats, top: float, *, steps: int = 12) -> Fit:
+    """Damped Gauss-Newton steps to the least cost, with the beams associated anew at each."""
+    parameters, damping = start, 1e-3
+    cost, gradient, information = _expand(beams, shape, parameters, top)
+    for _ in range(steps):
+        damped = information.copy()
+        diagonal = np.einsum("ii->i", damped)
+        diagonal += damping * (diagonal + 1e-12 * diagonal.sum() + 1e-300)
+        _, descent, is_singular = dposv(damped, gradient)
+        if 0.5 * float(descent @ gradient) < _LEAST_GAIN and not is_singular:
+            break
+        moved = parameters - descent
+        if not is_singular and shape.is_proper(moved[None])[0]:
+            better = _expand(beams, shape, moved, top)
+            if better[0] < cost:
+                parameters, damping = moved, damping / 10.0
+                cost, gradient, information = better
+                continue
+        damping *= 10.0
+    extent = np.ptp(shape.frame(parameters)[0], axis=0).max()
+    return Fit(shape, parameters, _inverse(information, extent), cost)
+
+
+def _inverse(information: Floats, widest: float) -> Floats:
+    """Inverse of an information matrix; where the beams tell nothing, as wide as `widest`."""
+    scale = np.sqrt(np.maximum(np.diag(information), 0.0) + widest**-2)
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    root = vectors / np.sqrt(np.maximum(values, _LEAST_TOLD)) / scale[:, None]
+    inverse: Floats = root @ root.T
+    return inverse
+
+
+def _expand(
+    beams: Beams, shape: Shape, parameters: Floats, top: float
+) -> tuple[float, Floats, Floats]:
+    footprint, jacobian = shape.frame(parameters)
+    cost, gradient, information = beams.expand(footprint, top)
+    return cost, jacobian.T @ gradient, jacobian.T @ information @ jacobian
+
+
+def approach(beams: Beams, shape: Shape, start: Floats, top: float, size: float) -> Fit:
+    """Climb from a guess that is off by a few percent of the size, metres.
+
+    Beams are taken as less exact than they are at first, lest those that are far from the guess
+    count as outliers.
+    """
+    sigma = float(np.median(beams.noise.sigma))
+    parameters, blur = start, _BLUR * size
+    while blur > sigma:
+        parameters = climb(beams.thinned(4, blur), shape, parameters, top, steps=6).parameters
+        blur /= _SHARPENING
+    return climb(beams, shape, parameters, top)
+
+
+def find_top(beams: Beams, footprint: Floats) -> Top:
+    """z of the top over a footprint, as the beams tell it that cross the walls.
+
+    Each of them either ends on the wall or passes over it, so the likelihood is constant between
+    the heights at which they cross.
+    """
+    origins, directions, ranges, background, sigma = beams.arrays
+    sensor = float(origins[:, 2].max(initial=beams.base))
+    depths = beams.wall_depths(footprint)
+    crossing = np.flatnonzero(depths < background)
+    z = origins[crossing, 2] + depths[crossing] * directions[crossing, 2]
+    order = np.argsort(z, kind="stable")
+    crossing = crossing[order[z[order] > beams.base]]
+    heights = np.concatenate([[beams.base], np.sort(z[z > beams.base])])
+    if len(heights) < 2:
+        return Top(sensor, np.nan)
+    cost = [
+        beams.noise.costs(ranges[crossing], expected[crossing], sigma[crossing])
+        for expected in (depths, background)
+    ]
+    costs = beams.stride * np.concatenate([[0.0], np.cumsum(cost[0] - cost[1])])
+    if costs[-1] - costs.min() < _UNKNOWN:
+        return Top(max(float(heights[-1]), sensor) + 1e-3 * beams.noise.reach, np.nan)
+    widths = np.diff(heights)
+    weights = widths * np.exp(costs.min() - costs[:-1])
+    weights /= weights.sum()
+    middles = heights[:-1] + widths / 2
+    z_mean = float(weights @ middles)
+    variance = float(weights @ ((middles - z_mean) ** 2 + widths**2 / 12.0))
+    if z_mean > sensor:
+        return Top(z_mean, float(np.sqrt(variance)))
+    return _search_top(beams, footprint, sensor)
+
+
+def _search_top(beams: Beams, footprint: Floats, highest: float) -> Top:
+    """z of a top below the sensor, on which beams end too."""
+    low, high = beams.base, highest
+    while True:
+        tops = np.linspace(low, high, 65)[1:-1]
+        costs = beams.costs(np.broadcast_to(footprint, (len(tops), *footprint.shape)), tops)
+        weights = np.exp(costs.min() - costs)
+        weights /= weights.sum()
+        z, step = float(weights @ tops), float(tops[1] - tops[0])
+        sigma = float(np.sqrt(weights @ (tops - z) ** 2))
+        if sigma > 2.0 * step or high - low < 1e-6 * beams.noise.reach:
+            return Top(z, max(sigma, step))
+        low, high = max(z - 8.0 * step, beams.base), min(z + 8.0 * step, highest)
+
+
+def narrowed(fit: Fit, ratio: float) -> Fit:
+    """A fit to some beams as a place to start from with `ratio` times as many.
+
+    Its variance falls with their number where ranges tell, with its square where silhouettes do;
+    what it starts from may be off by as much as it says.
+    """
+    return replace(fit, covariance=fit.covariance / np.sqrt(ratio))
+
+
+def settle(
+    beams: Beams,
+    fit: Fit,
+    top: Top,
+    rng: np.random.Generator,
+    effort: Effort,
+    worst: float = np.inf,
+) -> tuple[Fit, Top, Posterior]:
+    """Posterior of a shape and its top near a fit, by the likelihood of some beams.
+
+    Only the beams at silhouettes are cast for each draw; the region in which the others are smooth
+    follows the posterior as it moves. It is not followed where no draw costs less than `worst`.
+
+    Returns
+    -------
+    fit, top : Fit and Top
+        Mean and spread of the posterior, or where it was sought last.
+    posterior : Posterior
+        Of the shape's parameters and the top, where that is known.
+    """
+    shape, d = fit.shape, fit.shape.n_parameters
+    is_known = np.isfinite(top.sigma)
+
+    def tops(parameters: Floats) -> Floats:
+        return parameters[:, d] if is_known else np.full(len(parameters), top.z)
+
+    mean, covariance = fit.parameters, fit.covariance
+    if is_known:
+        # Where beams rise, the height at which they meet a wall changes with the wall.
+        mean, covariance = np.append(mean, top.z), np.pad(covariance, (0, 1))
+        covariance[d, d] = top.sigma**2 + (_RISE * fit.corner_sigma) ** 2
+    extent = float(np.ptp(fit.footprint, axis=0).max())
+    for _ in range(_ROUNDS):
+        slack = min(_MARGIN * fit.corner_sigma, _WIDEST * extent)
+        top_slack = _MARGIN * float(np.sqrt(covariance[d, d])) if is_known else 0.0
+        top_slack = min(top_slack, _WIDEST * extent)
+        if len(beams) <= _CAST:
+            slack = top_slack = extent
+        local = beams.around(fit.footprint, top.z, slack, top_slack)
+
+        def cost(parameters: Floats, local: Local = local) -> Floats:
+            costs = local.costs(shape.footprints(parameters), tops(parameters))
+            costs[~shape.is_proper(parameters)] = np.inf
+            return costs
+
+        explore = sample if len(mean) <= FEW else evolve
+        found = explore(cost, mean, covariance, rng, effort)
+        is_proper = shape.is_proper(found.mean[None])[0]
+        mean, covariance = found.mean if is_proper else found.best, found.covariance
+        fit = Fit(shape, mean[:d], covariance[:d, :d], found.cost)
+        away = float(np.linalg.norm(fit.footprint - local.footprint, axis=1).max())
+        is_inside = away + _ROOM * fit.corner_sigma <= local.slack
+        if is_known:
+            top = Top(float(mean[d]), float(np.sqrt(covariance[d, d])))
+            is_inside &= abs(top.z - local.top) + _ROOM * top.sigma <= local.top_slack
+        if found.cost > worst or (found.size >= effort.least and is_inside):
+            break
+    return fit, top, found

@@ -1,0 +1,1 @@
+"""The paper's method: planes, then corners and cycles, then kinds."""

@@ -1,0 +1,217 @@
+"""Planes of a point cloud of which nothing is known: the call that finds nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+from tqdm import tqdm
+
+from primfit._check import Bools, Floats, Ints, frozen, integer, n_jobs_or_none, number
+from primfit.clouds.noise import FLOOR
+from primfit.planes.outlines import outline
+from primfit.planes.plane import Plane, Planes, axes_of
+from primfit.planes.ransac import NoisyPoints, Orientation, PlaneModel, fit
+from primfit.planes.scan_planes import SIGMAS, Progress, check_enough
+from primfit.planes.surfaces import flat_parts
+from primfit.scans.scan import Scan, as_sigma
+
+_REACH = 4.0
+"""Standard deviations within which a plane takes points that lie amid its own."""
+
+_WORSE = 1.5
+"""How much farther from the wanted plane than from its own the points of a part may lie."""
+
+
+def detect_planes(
+    points: ArrayLike | Scan,
+    origins: ArrayLike | None = None,
+    sigma: ArrayLike | None = None,
+    rng: Any = None,
+    *,
+    orientation: Any = "any",
+    max_angle: float | None = None,
+    threshold: float | None = None,
+    min_points: int | None = None,
+    n_jobs: int | None = None,
+    progress: Progress = False,
+) -> Planes:
+    """Planes of a point cloud of any kind and scale; nothing needs to be told.
+
+    The smallest flat neighbourhood of each point tells the noise there; parts grow from the
+    flattest ones, compete for the points and are put together where one plane explains two (see
+    `primfit.surfaces`). Curved surfaces and scattered points stay without a plane. Coplanar parts
+    with a gap between them are planes of their own.
+
+    Parameters
+    ----------
+    points : (n, 3) float64, metres, or Scan
+    origins : (n, 3), (3,) or None, metres
+        Where the sensor was; with it planes are fitted to the ranges, and their normals point to
+        the sensor. Else the largest component of each normal is positive.
+    sigma : float, (n,) or None, metres
+        Noise; None is estimated around each point.
+    rng : None, int or numpy.random.Generator
+        Taken as everywhere else; nothing is drawn at random here.
+    orientation : str or (3,)
+        "any", "vertical", "horizontal", or the axis of the normal. It holds for the fitted plane;
+        parts that do not lie on such a plane as well as on their own are left out.
+    max_angle : float or None, radians
+        How far a normal may be off the orientation; None for 0.
+    threshold : float or None, metres
+        Greatest distance of an inlier, for all planes; stands for three sigma. None: each plane's
+        own, which `Planes.thresholds` reports.
+    min_points : int or None
+        Least inliers; None for 10, and as many as make a plane unlikely to be chance.
+    n_jobs : int or None
+        Threads; None for all. The result does not depend on them.
+    progress : bool or callable
+        True shows a bar; a callable gets the number of planes done and in all.
+
+    Returns
+    -------
+    Planes
+        Takes about 300 bytes a point beyond the input.
+
+    Raises
+    ------
+    ValueError
+        When points are not finite, or fewer than a plane needs.
+
+    Examples
+    --------
+    >>> import numpy as np, primfit
+    >>> xy = np.random.default_rng(1).uniform(size=(500, 2))
+    >>> planes = primfit.detect_planes(np.column_stack([xy, np.ones(500)]))
+    >>> len(planes), f"{planes[0].rms:.6f}"
+    (1, '0.000000')
+    """
+    if isinstance(points, Scan):
+        if origins is not None:
+            raise ValueError("origins must be None for a Scan, which has its own")
+        scan = points
+    else:
+        # Nobody sees the scan, so it need not own its points.
+        cloud = np.asarray(points).view()
+        cloud.setflags(write=False)
+        scan = Scan.from_points(cloud, origins, sigma)
+    np.random.default_rng(rng)
+    offset = scan.far_offset
+    scan = scan.moved(-offset)
+    wanted = Orientation.of(orientation, max_angle)
+    returns = scan.is_return
+    n_returns = int(returns.sum())
+    check_enough(n_returns)
+    given = scan.sigma if sigma is None else as_sigma(sigma, len(scan))
+    limit = None if threshold is None else number("threshold", threshold, above=0.0)
+    least = 3 if min_points is None else integer("min_points", min_points, low=3)
+    n_jobs = n_jobs_or_none(n_jobs)
+    noise = None if given is None else np.broadcast_to(np.asarray(given, float), len(scan))[returns]
+    if limit is not None:
+        noise = np.full(n_returns, limit / SIGMAS)
+    if noise is not None and not noise.any():
+        noise = None
+    cloud = scan.points if n_returns == len(scan) else scan.points[returns]
+    parts = flat_parts(cloud, noise, n_jobs)
+    rows = np.flatnonzero(returns)
+    directions = np.ascontiguousarray(scan.directions[rows]) if scan.has_origins else None
+    members = _members(parts.labels)
+    planes: list[Plane] = []
+    thresholds: list[float] = []
+    labels = np.full(len(scan), -1, dtype=np.int64)
+    with tqdm(total=len(members), unit="plane", disable=progress is not True) as bar:
+        for number_, own in enumerate(members):
+            fitted = _fit_part(
+                cloud[own],
+                None if directions is None else directions[own],
+                parts.sigma[own],
+                wanted,
+                limit,
+            )
+            bar.update()
+            if callable(progress):
+                progress(number_ + 1, len(members))
+            if fitted is None or fitted[1].sum() < least:
+                continue
+            model, is_near, reach = fitted
+            inliers = rows[own[is_near]]
+            labels[inliers] = len(planes)
+            planes.append(_plane_of(model, scan.points[inliers], inliers).moved(offset))
+            thresholds.append(reach)
+    if given is not None:
+        used = float(np.median(given))
+    else:
+        found = labels[labels >= 0]
+        rms = np.array([plane.rms for plane in planes])
+        used = float(np.median(rms[found] if len(found) else parts.sigma))
+    settings = {
+        "threshold": float(np.median(thresholds)) if thresholds else SIGMAS * used,
+        "n_neighbors": parts.n_neighbors,
+        "min_points": least,
+    }
+    return Planes(tuple(planes), frozen(labels), used, frozen(np.array(thresholds)), settings)
+
+
+def _members(labels: Ints) -> list[Ints]:
+    """Rows of each label, rising."""
+    order = np.argsort(labels, kind="stable")
+    counts = np.bincount(labels[labels >= 0])
+    return (
+        np.split(order[len(labels) - counts.sum() :], np.cumsum(counts)[:-1]) if len(counts) else []
+    )
+
+
+def _fit_part(
+    points: Floats,
+    directions: Floats | None,
+    sigma: Floats,
+    wanted: Orientation,
+    limit: float | None,
+) -> tuple[PlaneModel, Bools, float] | None:
+    """The wanted plane through a part, which of its points are near, and how near that is."""
+    local = points - points.mean(axis=0)
+    normal = np.linalg.eigh(local.T @ local)[1][:, 0]
+    rms = float(np.sqrt(np.mean((local @ normal) ** 2)))
+    spread = max(rms, float(np.median(sigma)), FLOOR * float(np.abs(local).max()), 1e-100)
+    facing = normal[np.abs(normal).argmax()] if directions is None else -(directions @ normal).sum()
+    normal = np.copysign(1.0, facing) * normal
+    start = np.append(normal, -normal @ points.mean(axis=0))
+    each = np.full(len(points), spread)
+    reach = _REACH * spread if limit is None else limit
+    cloud = NoisyPoints(points, directions, each, np.full(len(points), reach))
+    model = fit(cloud, start, wanted)
+    if model is None and directions is not None:
+        # Where beams graze, or both sides are seen, only the distances tell the plane.
+        cloud = replace(cloud, directions=None)
+        model = fit(cloud, start, wanted)
+    if model is None:
+        return None
+    distance = points @ model.equation[:3] + model.equation[3]
+    if np.sqrt(np.mean(distance**2)) > _WORSE * spread:
+        return None
+    return model, np.abs(distance) <= reach, reach
+
+
+def _plane_of(model: PlaneModel, points: Floats, inliers: Ints) -> Plane:
+    equation = model.equation
+    axes = axes_of(equation[:3])
+    place = points.mean(axis=0)
+    place = place - (equation[:3] @ place + equation[3]) * equation[:3]
+    shape = shapely.geometry.polygon.orient(outline((points - place) @ axes.T))
+    middle = ((points - place) @ axes.T).mean(axis=0)
+    rings = [
+        frozen(place + (shapely.get_coordinates(ring)[:-1] + middle) @ axes)
+        for ring in ((shape.exterior, *shape.interiors) if not shape.is_empty else ())
+    ]
+    return Plane(
+        equation=frozen(equation),
+        inliers=frozen(inliers),
+        boundary=rings[0] if rings else frozen(np.empty((0, 3))),
+        area=float(shape.area),
+        rms=model.rms,
+        covariance=frozen(model.covariance),
+        holes=tuple(rings[1:]),
+    )

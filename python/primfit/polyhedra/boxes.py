@@ -1,0 +1,232 @@
+"""Boxes that do not close, since they were seen from one side, or by a sensor that bends them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import networkx as nx
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from primfit._check import Floats
+from primfit.polyhedra.adjacency import OPEN, Face
+from primfit.polyhedra.box_fit import box_through
+from primfit.polyhedra.found import FoundPolyhedron
+from primfit.polyhedra.naming import found_solid
+from primfit.worlds.polyhedron import Polyhedron
+
+_BENT, _STRAIGHT = 0.15, 0.05
+"""Angle off a right one, radians, of faces of a box, where a sensor bends them and where not."""
+
+_ALIKE = 0.4
+"""Correlation of the errors of nearest points from which a sensor bends what it sees."""
+
+_EXACT = 1e-3
+"""Least noise of a face, over how far from an edge its outline may end."""
+
+_FILLED = 0.8
+"""Share of each face of a box that its plane must cover."""
+
+_CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+"""Which end of each axis each corner of a box is at."""
+
+_AROUND = np.array(
+    [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+)
+"""Corners around each of its faces, as `BoxFit.faces` numbers them."""
+
+
+def boxes_among(
+    group: list[int], faces: list[Face], graph: nx.Graph, facing: bool
+) -> list[FoundPolyhedron]:
+    """Boxes of which planes that meet are two or three faces, the ones with more and larger first.
+
+    Two must rest on a plane that goes on beyond the box; where normals are not `facing` the sensor,
+    three must, since two may be a corner of a room.
+    """
+    square = nx.Graph(
+        (i, j)
+        for i, j in graph.subgraph(group).edges
+        if _is_corner(faces[i], faces[j], facing) and _is_corner(faces[j], faces[i], facing)
+    )
+    met = [each for each in nx.enumerate_all_cliques(square) if 2 <= len(each) <= 3]
+    met.sort(key=lambda each: (len(each), sum(faces[i].polygon.area for i in each)), reverse=True)
+    boxes: list[FoundPolyhedron] = []
+    used: set[int] = set()
+    for chosen in met:
+        if not used.isdisjoint(chosen):
+            continue
+        try:
+            box = _Box.of(sorted(chosen), faces, graph)
+        except ValueError:
+            continue
+        if box.is_there(faces, facing):
+            boxes.append(box.found(faces))
+            used.update(box.seen.values())
+    return boxes
+
+
+def _is_corner(one: Face, two: Face, facing: bool) -> bool:
+    """Whether faces are nearly at right angles, the second behind the first where that is known."""
+    normal = one.equation[:3]
+    is_behind = two.boundary.mean(axis=0) @ normal + one.equation[3] < 0.0
+    return bool(is_behind or not facing) and abs(normal @ two.equation[:3]) <= np.sin(_BENT)
+
+
+@dataclass(frozen=True, eq=False)
+class _Box:
+    """A box that planes may be faces of.
+
+    Attributes
+    ----------
+    frame : (3, 3) float64
+        Its axes, in rows.
+    ends : (2, 3) float64, metres
+        Lower and upper, along the axes.
+    seen, resting : dict of int to int
+        By face, as `BoxFit.faces`: its plane, or the one that it rests on, which goes on beyond it.
+    """
+
+    frame: Floats
+    ends: Floats
+    seen: dict[int, int]
+    resting: dict[int, int]
+
+    @classmethod
+    def of(cls, chosen: list[int], faces: list[Face], graph: nx.Graph) -> _Box:
+        """The box of least squares with these faces and those opposite, up to what it rests on."""
+        box = cls._through(chosen, faces)
+        around = {side.neighbor for i in chosen for side in faces[i].sides} - {OPEN}
+        around.update(j for i in chosen for j in graph[i])
+        ends = box._at_ends(around, faces)
+        opposite = [i for number, i in ends.items() if box._is_filled(number, faces[i])]
+        if opposite:
+            box = cls._through([*chosen, *opposite], faces)
+            ends = box._at_ends(around, faces)
+        resting = {number: i for number, i in ends.items() if box._goes_on(number, faces[i])}
+        for number, plane in resting.items():
+            axis, upper = divmod(number, 2)
+            box.ends[upper, axis] = box._place(axis, faces[plane].equation)
+        return replace(box, resting=resting)
+
+    @classmethod
+    def _through(cls, chosen: list[int], faces: list[Face]) -> _Box:
+        normals = np.stack([faces[i].equation[:3] for i in chosen])
+        frame, numbers, ends = box_through(normals, [faces[i].points for i in chosen])
+        return cls(frame, ends, dict(zip(numbers.tolist(), chosen, strict=True)), {})
+
+    def _at_ends(self, planes: set[int], faces: list[Face]) -> dict[int, int]:
+        """Which of the planes are where faces of the box end that were not seen."""
+        reach = max(faces[i].reach for i in self.seen.values())
+        found = {}
+        for plane in sorted(planes.difference(self.seen.values())):
+            normal = faces[plane].equation[:3]
+            axis = int(np.abs(self.frame @ normal).argmax())
+            if abs(self.frame[axis] @ normal) < np.cos(_BENT):
+                continue
+            off = np.abs(self._place(axis, faces[plane].equation) - self.ends[:, axis])
+            number = 2 * axis + int(off.argmin())
+            if off.min() <= reach and number not in self.seen:
+                found[number] = plane
+        return found
+
+    def _place(self, axis: int, equation: Floats) -> float:
+        """Where the axis of the box goes through a plane."""
+        middle = self.ends.mean(axis=0) @ self.frame
+        along = (middle @ equation[:3] + equation[3]) / (self.frame[axis] @ equation[:3])
+        return float(middle @ self.frame[axis] - along)
+
+    @property
+    def vertices(self) -> Floats:
+        return self.ends[_CORNERS, np.arange(3)] @ self.frame
+
+    def is_there(self, faces: list[Face], facing: bool) -> bool:
+        """Whether what was seen fills its faces, and there is a solid behind them."""
+        told = len(self.seen) > 2, bool(self.resting)
+        if not (any(told) if facing else all(told)):
+            return False
+        for number, plane in self.seen.items():
+            outward = self.frame[number // 2] * (2 * (number % 2) - 1)
+            if facing and outward @ faces[plane].equation[:3] < 0.0:
+                return False
+            if not self._is_filled(number, faces[plane]):
+                return False
+        own = [faces[plane] for plane in self.seen.values()]
+        normals = np.stack([face.equation[:3] for face in own])
+        off = np.abs(normals @ self.frame.T).max(axis=1).min()
+        return bool(off >= np.cos(_STRAIGHT)) or _is_bent(own)
+
+    def _is_filled(self, number: int, face: Face) -> bool:
+        """Whether a plane has the outline of a face of the box, to half of its reach."""
+        outline = self._outline(number, face)
+        inner = outline.buffer(-face.reach / 2)
+        within = shapely.intersection(inner, face.polygon).area
+        return within >= _FILLED * inner.area and not self._goes_on(number, face)
+
+    def _goes_on(self, number: int, face: Face) -> bool:
+        """Whether a plane goes on beyond a face of the box."""
+        outline = self._outline(number, face)
+        beyond = shapely.difference(face.polygon, outline.buffer(face.reach / 2))
+        return beyond.area > (1.0 - _FILLED) * outline.area
+
+    def _outline(self, number: int, face: Face) -> shapely.Polygon:
+        return shapely.Polygon(self.vertices[_AROUND[number]] @ face.axes)
+
+    def found(self, faces: list[Face]) -> FoundPolyhedron:
+        """The box as what it is called, and how well it is known."""
+        numbers = [*self.seen, *(k for k in range(6) if k not in self.seen)]
+        planes = [{**self.resting, **self.seen}.get(k, OPEN) for k in numbers]
+        vertices = self.vertices
+        solid = Polyhedron(vertices, tuple(_AROUND[numbers]))
+        arms = vertices - vertices.mean(axis=0)
+        turns = np.cross(np.eye(3), arms[:, None]).swapaxes(1, 2)
+        grows = (_CORNERS - 0.5)[:, None] * self.frame.T
+        moves = np.concatenate([np.tile(np.eye(3), (8, 1, 1)), turns, grows], axis=2)
+        moves = moves.reshape(24, 9)
+        spread = moves @ self._covariance(faces) @ moves.T
+        return found_solid(solid, spread, planes, [k in self.seen for k in numbers])
+
+    def _covariance(self, faces: list[Face]) -> Floats:
+        """Of centre, rotation and sizes (9, 9).
+
+        What bends the faces of a box does so in all their points alike: the misfit counts by the
+        number of planes (Birge, The calculation of errors by the method of least squares, 1932).
+        """
+        told, misfit = np.zeros((9, 9)), 0.0
+        seen = {number: faces[plane] for number, plane in self.seen.items()}
+        for number, face in seen.items():
+            rows = self._rows(number, face.points)
+            off = face.points @ self.frame[number // 2] - self.ends[number % 2, number // 2]
+            variance = max(face.rms, _EXACT * face.reach) ** 2
+            misfit += float(off @ off) / variance - len(off)
+            told += rows.T @ rows / variance
+        told /= max(1.0, misfit / (2 * len(seen) - 3))
+        for number in set(range(6)).difference(seen):
+            ending = [face.reach for other, face in seen.items() if other // 2 != number // 2]
+            middle = self.vertices[_AROUND[number]].mean(axis=0)
+            rows = self._rows(number, middle[None])
+            told += rows.T @ rows / (min(ending) / 3.0) ** 2
+        return np.asarray(np.linalg.inv(told), dtype=np.float64)
+
+    def _rows(self, number: int, points: Floats) -> Floats:
+        """How the distances of points to a face follow centre, rotation and sizes (n, 9)."""
+        axis, upper = divmod(number, 2)
+        outward = (2 * upper - 1) * self.frame[axis]
+        arms = points - self.vertices.mean(axis=0)
+        center = np.tile(-outward, (len(points), 1))
+        size = np.tile(-0.5 * (np.arange(3) == axis), (len(points), 1))
+        return np.hstack([center, np.cross(outward, arms), size])
+
+
+def _is_bent(faces: list[Face]) -> bool:
+    """Whether points next to each other err alike, as those of depth images do."""
+    residuals, nearest = [], []
+    for face in faces:
+        off = face.points @ face.equation[:3] + face.equation[3]
+        flat = face.points @ face.axes
+        _, pairs = cKDTree(flat).query(flat, k=2)
+        residuals.append(off)
+        nearest.append(off[pairs[:, 1]])
+    one, two = np.concatenate(residuals), np.concatenate(nearest)
+    return bool(np.mean((one - two) ** 2) < 2.0 * (1.0 - _ALIKE) * np.mean(one**2))

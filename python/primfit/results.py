@@ -1,0 +1,334 @@
+"""What a detection found."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from primfit._check import Floats, Ints, frozen
+from primfit.geometry.extrusions import prism_faces, prism_triangles, prism_vertices
+from primfit.geometry.footprints import area_centroid
+from primfit.planes.plane import Plane
+from primfit.polyhedra.found import FoundPolyhedron
+from primfit.scans.scan import Scan
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from primfit.worlds.world import World
+
+
+@dataclass(frozen=True, eq=False)
+class FoundSolid:
+    """An upright solid that was found.
+
+    Attributes
+    ----------
+    kind : str
+        "triangle", "square", "rectangle", "pentagon", ..., "star" or "polygon".
+    footprint : (m, 2) float64, metres
+        Counter-clockwise.
+    base, top : float, metres
+        z of the floor, and of the upper end; where the height is not known, of the highest beam
+        that ended on the solid.
+    angle : float, radians
+        Yaw of the footprint, from zero up to its symmetry.
+    size : float or (float, float), metres
+        Side; (long, short) of a rectangle; (outer, inner) radius of a star.
+    covariance : (k, k) float64
+        Of center x, center y, angle and the one or two sizes; NaN when nothing was fitted.
+    planes : tuple of int
+        Its walls among the planes found.
+    observed : tuple of bool
+        Which of `faces` returned beams.
+    height_sigma : float, metres
+        Standard deviation of the height; NaN where no beam tells the height.
+    """
+
+    kind: str
+    footprint: Floats
+    base: float
+    top: float
+    angle: float
+    size: float | tuple[float, float]
+    covariance: Floats
+    planes: tuple[int, ...]
+    observed: tuple[bool, ...]
+    height_sigma: float = np.nan
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "footprint", frozen(np.array(self.footprint)))
+
+    @property
+    def height(self) -> float:
+        """From base to top, metres; NaN where no beam tells."""
+        return self.top - self.base if np.isfinite(self.height_sigma) else np.nan
+
+    @property
+    def center(self) -> Floats:
+        """Mean of the vertices (3,), metres; z is NaN where the height is."""
+        return np.append(self.footprint.mean(axis=0), self.base + self.height / 2)
+
+    @property
+    def centroid(self) -> Floats:
+        """Centroid of the volume (3,), metres; z is NaN where the height is."""
+        return np.append(area_centroid(self.footprint), self.base + self.height / 2)
+
+    def moved(self, offset: Floats) -> FoundSolid:
+        """The solid moved by a vector (3,), metres."""
+        z = float(offset[2])
+        return replace(
+            self, footprint=self.footprint + offset[:2], base=self.base + z, top=self.top + z
+        )
+
+    @property
+    def vertices(self) -> Floats:
+        """Vertices (2m, 3), metres: the bottom, then the top."""
+        return prism_vertices(self.footprint, self.base, self.top)
+
+    @property
+    def faces(self) -> tuple[Ints, ...]:
+        """Rows of `vertices` around each face, seen from outside: m walls, bottom, top."""
+        return prism_faces(len(self.footprint))
+
+    @property
+    def sigmas(self) -> dict[str, float]:
+        """Standard deviations by name: metres, and radians for the angle."""
+        names = ["center_x", "center_y", "angle", "size", "size_2"]
+        return {
+            name: float(np.sqrt(variance))
+            for name, variance in zip(names, np.diag(self.covariance), strict=False)
+        } | {"height": self.height_sigma}
+
+    def to_mesh(self) -> tuple[Floats, Ints]:
+        """Vertices (2m, 3) and triangles (t, 3), counter-clockwise from outside."""
+        return self.vertices, prism_triangles(self.footprint)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The solid as plain numbers, for JSON."""
+        return {
+            "kind": self.kind,
+            "center": _plain(self.center),
+            "centroid": _plain(self.centroid),
+            "angle": self.angle,
+            "size": self.size,
+            "height": self.height if np.isfinite(self.height) else None,
+            "footprint": self.footprint.tolist(),
+            "sigmas": _without_nan(self.sigmas),
+            "planes": list(self.planes),
+            "observed": list(self.observed),
+        }
+
+    def __repr__(self) -> str:
+        x, y, _ = self.center
+        size = ", ".join(f"{value:.4f}" for value in np.atleast_1d(self.size))
+        return (
+            f"FoundSolid({self.kind}, center=({x:.4f}, {y:.4f}), size={size} m, "
+            f"angle={np.degrees(self.angle):.2f} deg)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class FoundArena:
+    """Walls around the scene, seen from inside.
+
+    Attributes
+    ----------
+    footprint : (m, 2) float64, metres
+        Counter-clockwise.
+    planes : tuple of int
+        The walls among the planes found.
+    """
+
+    footprint: Floats
+    planes: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "footprint", frozen(np.array(self.footprint)))
+
+    def moved(self, offset: Floats) -> FoundArena:
+        """The arena moved by a vector (3,), metres."""
+        return replace(self, footprint=self.footprint + offset[:2])
+
+    def __repr__(self) -> str:
+        return "FoundArena({:.3f} x {:.3f} m, {} walls)".format(*self.size, len(self.footprint))
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Extent along x and y, metres."""
+        width, depth = np.ptp(self.footprint, axis=0)
+        return float(width), float(depth)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The arena as plain numbers, for JSON."""
+        return {"footprint": self.footprint.tolist(), "planes": list(self.planes)}
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """Planes and solids of a scan.
+
+    Attributes
+    ----------
+    scan : Scan
+        What was looked at.
+    method : str
+    planes : tuple of Plane
+        Without the floor.
+    labels : (n,) int64
+        Plane of each row of the scan, -1 for none.
+    solids : tuple of FoundSolid, or of FoundPolyhedron by the method "planes"
+        Without the arena.
+    arena : FoundArena or None
+    floor : Plane or None
+    sigma : float, metres
+        Standard deviation of the ranges, given or estimated.
+    settings : dict
+        What the method used, given or derived; lengths in metres.
+    shells : tuple of tuple of int
+        Planes that meet without closing, and are in no solid; by the method "planes" only.
+    """
+
+    scan: Scan
+    method: str
+    planes: tuple[Plane, ...]
+    labels: Ints
+    solids: tuple[FoundSolid | FoundPolyhedron, ...]
+    arena: FoundArena | None
+    floor: Plane | None
+    sigma: float
+    settings: dict[str, Any]
+    shells: tuple[tuple[int, ...], ...] = ()
+
+    def moved(self, offset: Floats, scan: Scan) -> Detection:
+        """The detection moved by a vector (3,), metres, as that of another scan."""
+        return replace(
+            self,
+            scan=scan,
+            planes=tuple(plane.moved(offset) for plane in self.planes),
+            solids=tuple(solid.moved(offset) for solid in self.solids),
+            arena=self.arena and self.arena.moved(offset),
+            floor=self.floor and self.floor.moved(offset),
+        )
+
+    def plot(self, *, world: World | None = None, ax: Axes | None = None) -> Axes:
+        """Draw planes and solids over the truth, if given; needs matplotlib."""
+        from primfit import plotting
+
+        return plotting.plot_detection(self, world, ax)
+
+    def to_mesh(self) -> tuple[Floats, Ints, Ints]:
+        """The solids as triangles.
+
+        Returns
+        -------
+        vertices : (v, 3) float64, metres
+        triangles : (t, 3) int64
+        solid_index : (t,) int64
+            Row of `solids` of each triangle.
+        """
+        vertices, triangles, index = [np.empty((0, 3))], [np.empty((0, 3), int)], [np.empty(0, int)]
+        for i, solid in enumerate(self.solids):
+            corners, rows = solid.to_mesh()
+            triangles.append(rows + sum(map(len, vertices)))
+            vertices.append(corners)
+            index.append(np.full(len(triangles[-1]), i))
+        return np.concatenate(vertices), np.concatenate(triangles), np.concatenate(index)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The detection as plain numbers, without labels and inliers."""
+        planes = [
+            {
+                "equation": plane.equation.tolist(),
+                "n_inliers": len(plane.inliers),
+                "area": plane.area,
+                "rms": plane.rms,
+                "boundary": plane.boundary.tolist(),
+            }
+            for plane in ((self.floor, *self.planes) if self.floor else self.planes)
+        ]
+        return {
+            "primfit": "detection",
+            "method": self.method,
+            "sigma": self.sigma,
+            "settings": _without_nan(self.settings),
+            "solids": [solid.to_dict() for solid in self.solids],
+            "arena": self.arena and self.arena.to_dict(),
+            "floor": planes.pop(0) if self.floor else None,
+            "planes": planes,
+            "shells": [list(shell) for shell in self.shells],
+        }
+
+    def to_json(self, file: str | PathLike[str] | None = None) -> str:
+        """The detection as JSON text, written to `file` too if given."""
+        text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
+        if file is not None:
+            Path(file).write_text(text)
+        return text
+
+    def to_csv(self, file: str | PathLike[str]) -> None:
+        """Write the solids as a table: kind, center, angle, sizes, height, number of corners.
+
+        The corners are those of the footprint, or all where there is none.
+        """
+        with open(file, "w", newline="") as stream:
+            table = csv.writer(stream)
+            table.writerow(
+                [
+                    "kind",
+                    "x_m",
+                    "y_m",
+                    "z_m",
+                    "angle_rad",
+                    "size_m",
+                    "size_2_m",
+                    "size_3_m",
+                    "height_m",
+                    "corners",
+                ]
+            )
+            for solid in self.solids:
+                corners = solid.vertices if solid.footprint is None else solid.footprint
+                sizes = [*np.atleast_1d(solid.size).tolist(), "", ""][:3]
+                table.writerow(
+                    [
+                        solid.kind,
+                        *solid.center.tolist(),
+                        solid.angle,
+                        *sizes,
+                        solid.height,
+                        len(corners),
+                    ]
+                )
+
+    def save_mesh(self, file: str | PathLike[str]) -> None:
+        """Write the solids as a mesh in the format of the suffix: .ply, .obj or .stl."""
+        from primfit.clouds import files
+
+        files.write_mesh(file, *self.to_mesh()[:2])
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(solid.kind for solid in self.solids) or "none"
+        arena = "an arena" if self.arena else "no arena"
+        return (
+            f"Detection({len(self.solids)} solid{'s' * (len(self.solids) != 1)}: {kinds}; {arena}; "
+            f"{len(self.planes)} planes; "
+            f"sigma {self.sigma * 1000:.3g} mm)"
+        )
+
+
+def _plain(values: Floats) -> list[float | None]:
+    return [value if np.isfinite(value) else None for value in values.tolist()]
+
+
+def _without_nan(values: dict[str, Any]) -> dict[str, Any]:
+    return {
+        key: None if isinstance(value, float) and not np.isfinite(value) else value
+        for key, value in values.items()
+    }

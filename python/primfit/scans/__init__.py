@@ -1,0 +1,1 @@
+"""Scans: the sensor, the casting of its beams, and what they returned."""

@@ -1,0 +1,328 @@
+"""A scan: every beam, returned or not, with its origin, direction and range."""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import dataclass, replace
+from functools import cached_property
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from primfit._check import Bools, Floats, Ints, as_column, as_rows, check_finite, frozen, number
+from primfit._later import Later
+from primfit.geometry.extents import extent
+from primfit.scans.casting import unit_rows
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_ARRAYS = ("points", "origins", "directions", "ranges")
+_INDICES = ("layer", "column", "pose_index", "solid_index")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scan:
+    """All beams of a path, one row a beam, in any order.
+
+    Made by `primfit.scan`, `Scan.from_rays` or `Scan.from_points`.
+
+    Attributes
+    ----------
+    points : (n, 3) float64, metres
+        Where the beam ended; NaN where nothing came back.
+    origins : (n, 3) float64, metres
+        Where the beam began; NaN when that is not known.
+    directions : (n, 3) float64
+        Unit direction of the beam; NaN when the origin is not known.
+    ranges : (n,) float64, metres
+        Measured range, noise included; inf for no return, NaN when the origin is not known.
+    layer, column, pose_index : (n,) int64 or None
+        Place of the beam in the sensor and of its pose in the path.
+    solid_index : (n,) int64 or None
+        The truth, where it is known: what the beam meets, within range or not: row of the solid,
+        -1 nothing, -2 arena, -3 floor.
+    sigma : float, (n,) float64 or None, metres
+        Standard deviation of the ranges; 0 is exact, None is not known.
+    max_range : float or None, metres
+        Beyond it the sensor gets no return.
+    """
+
+    points: Floats
+    origins: Later[Floats] = Later()  # noqa: RUF009
+    directions: Later[Floats] = Later()  # noqa: RUF009
+    ranges: Floats
+    layer: Later[Ints | None] = Later(None)  # noqa: RUF009
+    column: Later[Ints | None] = Later(None)  # noqa: RUF009
+    pose_index: Later[Ints | None] = Later(None)  # noqa: RUF009
+    solid_index: Ints | None = None
+    sigma: float | Floats | None = None
+    max_range: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in (*_ARRAYS, *_INDICES):
+            array = vars(self)[name]
+            # What nobody can write to need not be copied.
+            if callable(array) or array is None:
+                continue
+            if not isinstance(array, np.ndarray) or array.flags.writeable:
+                object.__setattr__(self, name, frozen(np.array(array)))
+        if isinstance(self.sigma, np.ndarray):
+            object.__setattr__(self, "sigma", frozen(np.array(self.sigma)))
+
+    @classmethod
+    def from_rays(
+        cls,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        ranges: ArrayLike,
+        sigma: ArrayLike | None = None,
+        *,
+        max_range: float | None = None,
+        layer: ArrayLike | None = None,
+        column: ArrayLike | None = None,
+        pose_index: ArrayLike | None = None,
+        solid_index: ArrayLike | None = None,
+    ) -> Scan:
+        """A scan from recorded beams.
+
+        Parameters
+        ----------
+        origins : (n, 3) or (3,) float64, metres
+        directions : (n, 3) float64
+            Of any length but zero.
+        ranges : (n,) float64, metres
+            inf for no return. A finite range may be negative or above `max_range`, since noise
+            comes after the sensor's gate.
+        sigma : float or (n,) or None, metres
+            Standard deviation of the ranges; None is not known.
+        max_range : float or None, metres
+        layer, column, pose_index, solid_index : (n,) int or None
+
+        Raises
+        ------
+        ValueError
+            When shapes do not match, a range is NaN or minus infinity, or a direction is zero.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> scan = primfit.Scan.from_rays((0, 0, 0), [[1, 0, 0], [0, 1, 0]], [2.0, float("inf")])
+        >>> scan
+        Scan(2 beams, 1 return)
+        """
+        unit = unit_rows("directions", directions)
+        n = len(unit)
+        starts = one_or_each("origins", origins, n)
+        lengths = np.array(as_column("ranges", ranges, n))
+        if np.ndim(ranges) == 0 and n != 1:
+            raise ValueError(f"ranges must have shape ({n},), not ()")
+        bad = np.isnan(lengths) | np.isneginf(lengths)
+        if bad.any():
+            raise ValueError(
+                f"ranges must be finite, or inf for no return, but {int(bad.sum())} of {n} are NaN "
+                f"or minus infinity (the first is row {int(np.argmax(bad))})"
+            )
+        is_return = np.isfinite(lengths)
+        points = np.full((n, 3), np.nan)
+        points[is_return] = starts[is_return] + lengths[is_return, None] * unit[is_return]
+        return cls(
+            points=points,
+            origins=starts,
+            directions=unit,
+            ranges=lengths,
+            layer=_indices("layer", layer, n),
+            column=_indices("column", column, n),
+            pose_index=_indices("pose_index", pose_index, n),
+            solid_index=_indices("solid_index", solid_index, n),
+            sigma=as_sigma(sigma, n),
+            max_range=None if max_range is None else number("max_range", max_range, above=0.0),
+        )
+
+    @classmethod
+    def from_points(
+        cls, points: ArrayLike, origins: ArrayLike | None = None, sigma: ArrayLike | None = None
+    ) -> Scan:
+        """A scan from a recorded cloud.
+
+        Parameters
+        ----------
+        points : (n, 3) float64, metres
+        origins : (n, 3), (3,) or None, metres
+            Where the sensor was, for each point or for all; None is not known.
+        sigma : float or (n,) or None, metres
+            Standard deviation of the ranges; None is not known.
+
+        Raises
+        ------
+        ValueError
+            When shapes do not match, points are not finite, or a point is at its origin.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> primfit.Scan.from_points([[1, 0, 0], [2, 0, 0]], origins=(0, 0, 0)).ranges
+        array([1., 2.])
+        """
+        cloud = as_rows("points", points, 3)
+        n = len(cloud)
+        if origins is None:
+            unknown = np.broadcast_to(np.nan, (n, 3))
+            return cls(
+                points=cloud,
+                origins=unknown,
+                directions=unknown,
+                ranges=unknown[:, 0],
+                sigma=as_sigma(sigma, n),
+            )
+        starts = one_or_each("origins", origins, n)
+        ranges = np.linalg.norm(cloud - starts, axis=1)
+        if not ranges.all():
+            raise ValueError(
+                f"origins must differ from points, but row {int(np.argmin(ranges))} does not"
+            )
+        return cls(
+            points=cloud,
+            origins=starts,
+            directions=(cloud - starts) / ranges[:, None],
+            ranges=ranges,
+            sigma=as_sigma(sigma, n),
+        )
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @cached_property
+    def is_return(self) -> Bools:
+        """Which beams came back (n,)."""
+        return frozen(~np.isnan(self.points[:, 0]))
+
+    @property
+    def has_origins(self) -> bool:
+        """Whether it is known where the beams began."""
+        return bool(np.isfinite(self.origins).all())
+
+    def select(self, rows: ArrayLike) -> Scan:
+        """The scan of some beams only, by mask or by row numbers."""
+        index = np.asarray(rows)
+        changes: dict[str, Any] = {name: getattr(self, name)[index] for name in _ARRAYS}
+        for name in _INDICES:
+            array = getattr(self, name)
+            changes[name] = None if array is None else array[index]
+        sigma = self.sigma[index] if isinstance(self.sigma, np.ndarray) else self.sigma
+        return Scan(**changes, sigma=sigma, max_range=self.max_range)
+
+    def moved(self, offset: Floats) -> Scan:
+        """The scan moved by a vector (3,), metres."""
+        if not offset.any():
+            return self
+        return replace(
+            self, points=frozen(self.points + offset), origins=frozen(self.origins + offset)
+        )
+
+    @property
+    def far_offset(self) -> Floats:
+        """A round place (3,) amid the returns when these are far from the origin, else zero.
+
+        Moved there, squares of coordinates keep their digits.
+        """
+        is_return = self.is_return
+        points = self.points if is_return.all() else self.points[is_return]
+        if not len(points):
+            return np.zeros(3)
+        farthest = max(points.max(), -points.min())
+        if farthest <= 100.0 * extent(points):
+            return np.zeros(3)
+        return np.round(np.median(points, axis=0))
+
+    def filter_z(self, low: float = -np.inf, high: float = np.inf) -> Scan:
+        """The returns whose z is within [low, high], metres (the paper's z filter)."""
+        with np.errstate(invalid="ignore"):
+            return self.select((self.points[:, 2] >= low) & (self.points[:, 2] <= high))
+
+    def save(self, file: str | PathLike[str]) -> None:
+        """Write the scan as a NumPy archive (.npz); every number survives exactly."""
+        fields = {name: getattr(self, name) for name in (*_ARRAYS, *_INDICES, "sigma", "max_range")}
+        known = {name: value for name, value in fields.items() if value is not None}
+        with open(file, "wb") as stream:
+            np.savez_compressed(stream, primfit="scan", **known)
+
+    @classmethod
+    def load(cls, file: str | PathLike[str]) -> Scan:
+        """Read a scan that `save` wrote.
+
+        Raises
+        ------
+        ValueError
+            When the file is not one.
+        """
+        try:
+            with open(file, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
+                fields = {name: archive[name] for name in archive.files}
+            if fields.pop("primfit") != "scan":
+                raise KeyError("primfit")
+            for name in ("sigma", "max_range"):
+                if name in fields and fields[name].ndim == 0:
+                    fields[name] = float(fields[name])
+            scan = cls(**fields)
+            n = len(scan.ranges)
+            if any(getattr(scan, name).shape != (n, 3) for name in _ARRAYS[:3]):
+                raise ValueError("arrays differ in length")
+            return scan
+        except (ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile):
+            raise ValueError(f"{file} is not a scan that primfit wrote") from None
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the returns from above; needs matplotlib."""
+        from primfit import plotting
+
+        return plotting.plot_scan(self, ax)
+
+    def __repr__(self) -> str:
+        n = int(self.is_return.sum())
+        poses = ""
+        if self.pose_index is not None:
+            n_poses = len(np.unique(self.pose_index))
+            poses = f" from {n_poses} pose{'s' * (n_poses != 1)}"
+        sigma = ""
+        if self.sigma is not None:
+            sigma = f", sigma {float(np.max(self.sigma, initial=0.0)) * 1000:g} mm"
+        beams = f"{len(self)} beam{'s' * (len(self) != 1)}"
+        return f"Scan({beams}{poses}, {n} return{'s' * (n != 1)}{sigma})"
+
+
+def one_or_each(name: str, values: ArrayLike, n: int) -> Floats:
+    """One place for all, or one each, as rows (n, 3)."""
+    array = np.asarray(values)
+    if array.shape == (3,):
+        array = np.broadcast_to(array, (n, 3))
+    rows = as_rows(name, array, 3)
+    if len(rows) != n:
+        raise ValueError(f"{name} must have shape ({n}, 3) or (3,), not {rows.shape}")
+    return rows
+
+
+def as_sigma(sigma: ArrayLike | None, n: int) -> float | Floats | None:
+    """``sigma`` as None, a number or a column (n,) of numbers, none of them negative."""
+    if sigma is None:
+        return None
+    if np.ndim(sigma) == 0:
+        return number("sigma", sigma, low=0.0)
+    column = as_column("sigma", sigma, n)
+    check_finite("sigma", column)
+    if (column < 0.0).any():
+        raise ValueError(f"sigma must be at least 0, but row {int(np.argmin(column))} is not")
+    return column
+
+
+def _indices(name: str, values: ArrayLike | None, n: int) -> Ints | None:
+    if values is None:
+        return None
+    array = np.asarray(values)
+    if array.shape != (n,):
+        raise ValueError(f"{name} must have shape ({n},), not {array.shape}")
+    if array.dtype.kind not in "iu":
+        raise TypeError(f"{name} must be integers, not {array.dtype}")
+    return array.astype(np.int64)

@@ -1,0 +1,146 @@
+"""Scanning a world along a path (the paper's Algorithm 2)."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from primfit import _primfit
+from primfit._check import Bools, Floats, check_finite, frozen, instance, n_jobs_or_none
+from primfit._progress import Progress, reporting
+from primfit.scans.casting import RayCaster
+from primfit.scans.lidar import Lidar, check_transforms
+from primfit.scans.scan import Scan
+from primfit.worlds.world import World
+
+_BEAMS_AT_ONCE = 1 << 18
+
+
+def scan(
+    world: World,
+    path: ArrayLike,
+    lidar: Lidar | None = None,
+    *,
+    rng: Any = None,
+    n_jobs: int | None = None,
+    progress: Progress = False,
+) -> Scan:
+    """All returns of a LiDAR along a path.
+
+    Every beam is cast exactly against solids, arena and floor. The range gate is applied to the
+    true range; then Gaussian noise is added along the beam, and the range is rounded to the
+    sensor's resolution. A beam without return stays without return. Poses inside a solid are
+    passed over, as in the paper, and planar ones outside the arena.
+
+    Parameters
+    ----------
+    world : World
+    path : (n, 3) or (3,) or (n, 4, 4) or (4, 4) float64
+        Planar poses of the robot (x, y in metres, yaw in radians), to which the lidar's mount is
+        added, or rigid transforms ``T_world_sensor``.
+    lidar : Lidar or None
+        None for the paper's.
+    rng : None, int or numpy.random.Generator
+        Same `rng`, same scan, at any number of threads.
+    n_jobs : int or None
+        Threads; None for all.
+    progress : bool or callable
+        True shows a bar; a callable gets the number of poses done and in all.
+
+    Returns
+    -------
+    Scan
+        One row a beam: pose by pose, layer by layer, column by column. Takes 40 bytes a beam, and
+        72 more when origins, directions and places in the sensor have been asked for.
+
+    Raises
+    ------
+    ValueError
+        When the path has no valid pose, or is not a path.
+
+    Examples
+    --------
+    >>> import primfit
+    >>> world = primfit.World(arena=primfit.Arena((1, 1)))
+    >>> primfit.scan(world, (0.5, 0.5, 0.0), rng=7)
+    Scan(800 beams from 1 pose, 800 returns, sigma 0 mm)
+    """
+    instance("world", world, World)
+    lidar = Lidar() if lidar is None else lidar
+    instance("lidar", lidar, Lidar)
+    poses, is_planar = _as_transforms(path, lidar)
+    valid = np.flatnonzero(_is_valid(world, poses[:, :3, 3], inside_arena=is_planar))
+    if not len(valid):
+        raise ValueError(
+            f"path has no valid pose: all {len(poses)} are inside a solid or outside the arena of "
+            f"{world!r}"
+        )
+    rng = np.random.default_rng(rng)
+    caster = RayCaster(world)._core
+    n_jobs = n_jobs_or_none(n_jobs)
+    directions = lidar.directions
+    layers, columns, _ = directions.shape
+    beams = directions.reshape(-1, 3)
+    transforms = np.ascontiguousarray(poses[valid].reshape(-1, 16))
+    gate = (lidar.min_range, lidar.max_range, lidar.noise * lidar.max_range, lidar.resolution)
+    n_poses, n_beams = len(transforms), len(beams)
+    n = n_poses * n_beams
+    points, ranges, ids = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
+    at_once = max(1, _BEAMS_AT_ONCE // n_beams)
+    noise = np.empty(min(at_once, n_poses) * n_beams if lidar.noise else 0)
+    with reporting(progress, n_poses, "pose") as tell:
+        for first in range(0, n_poses, at_once):
+            some = transforms[first : first + at_once]
+            rows = slice(first * n_beams, (first + len(some)) * n_beams)
+            own = noise[: len(some) * n_beams]
+            rng.standard_normal(out=own)
+            caster.scan(some, beams, gate, own, points[rows], ranges[rows], ids[rows], n_jobs)
+            tell(first + len(some))
+    return Scan(
+        points=frozen(points),
+        origins=partial(np.repeat, transforms[:, [3, 7, 11]], n_beams, axis=0),
+        directions=partial(_primfit.turned, transforms, beams),
+        ranges=frozen(ranges),
+        layer=partial(np.tile, np.repeat(np.arange(layers), columns), n_poses),
+        column=partial(np.tile, np.arange(columns), n_poses * layers),
+        pose_index=partial(np.repeat, valid, n_beams),
+        solid_index=frozen(ids),
+        sigma=lidar.sigma,
+        max_range=lidar.max_range,
+    )
+
+
+def _as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, bool]:
+    """Sensor poses (n, 4, 4), and whether the path is planar."""
+    try:
+        array = np.asarray(path, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"path must be an array of numbers: {error}") from None
+    if array.shape[-2:] == (4, 4) and array.ndim in (2, 3):
+        return check_transforms("path", array.reshape(-1, 4, 4), array.shape), False
+    if array.ndim not in (1, 2) or array.shape[-1] != 3:
+        raise ValueError(
+            f"path must have shape (n, 3), (3,), (n, 4, 4) or (4, 4), not {array.shape}"
+        )
+    array = array.reshape(-1, 3)
+    check_finite("path", array)
+    x, y, yaw = array.T
+    robots = np.tile(np.eye(4), (len(array), 1, 1))
+    robots[:, 0, 0] = robots[:, 1, 1] = np.cos(yaw)
+    robots[:, 1, 0] = np.sin(yaw)
+    robots[:, 0, 1] = -np.sin(yaw)
+    robots[:, 0, 3], robots[:, 1, 3] = x, y
+    return robots @ lidar.mount, True
+
+
+def _is_valid(world: World, positions: Floats, *, inside_arena: bool) -> Bools:
+    valid = np.ones(len(positions), dtype=bool)
+    if inside_arena and world.arena is not None:
+        low, high = world.bounds
+        valid &= ((positions[:, :2] > low) & (positions[:, :2] < high)).all(axis=1)
+    for solid in world.solids:
+        valid &= ~solid.contains(positions)
+    return valid

@@ -1,0 +1,1 @@
+"""Worlds of solids with known truth, and the paths on which a sensor goes through them."""

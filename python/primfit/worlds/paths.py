@@ -1,0 +1,176 @@
+"""Paths: the poses (x, y, yaw) from which a world is scanned, in order."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from primfit._check import Bools, Floats, as_rows, instance, integer, number
+from primfit.worlds.world import World
+
+
+def grid_path(
+    world: World,
+    spacing: float = 0.25,
+    *,
+    headings: int = 4,
+    clearance: float = 0.045,
+    margin: float = 0.5,
+    rng: Any = None,
+) -> Floats:
+    """Poses on a grid, each position with several headings; only valid poses are kept.
+
+    The positions are the centres of square cells of side `spacing`. The headings of a position
+    are equally spaced from a random start, so that a sensor with a narrow field of view sees the
+    faces on all sides.
+
+    Parameters
+    ----------
+    world : World
+    spacing : float, metres
+        Distance between neighbouring positions.
+    headings : int
+        Headings at each position.
+    clearance : float, metres
+        Least distance of a position to solids and walls; the default is the e-puck's radius of
+        0.037 m and some air.
+    margin : float, metres
+        How far the grid reaches beyond the solids where there is no arena.
+    rng : None, int or numpy.random.Generator
+
+    Returns
+    -------
+    path : (n, 3) float64
+        x, y in metres and yaw in radians.
+
+    Raises
+    ------
+    ValueError
+        When no pose is valid.
+
+    Examples
+    --------
+    >>> import primfit
+    >>> path = primfit.grid_path(primfit.random_world(rng=7), rng=7)
+    >>> path.shape[1]
+    3
+    """
+    instance("world", world, World)
+    spacing = number("spacing", spacing, above=0.0)
+    headings = integer("headings", headings, low=1)
+    low, high = world.bounds
+    if world.arena is None:
+        margin = number("margin", margin, low=0.0)
+        low, high = low - margin, high + margin
+    counts = np.maximum(np.rint((high - low) / spacing).astype(int), 1)
+    x, y = (low[k] + (np.arange(counts[k]) + 0.5) * (high[k] - low[k]) / counts[k] for k in (0, 1))
+    positions = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    positions = positions[is_free(world, positions, clearance)]
+    if not len(positions):
+        raise ValueError(
+            f"the path has no valid pose: no position of a grid with spacing={spacing:g} m is at "
+            f"least clearance={clearance:g} m from the solids and walls of {world!r}"
+        )
+    start = np.random.default_rng(rng).uniform(0.0, 2 * np.pi, len(positions))
+    yaws = start[:, None] + 2 * np.pi * np.arange(headings) / headings
+    return np.column_stack(
+        [np.repeat(positions, headings, axis=0), np.mod(yaws, 2 * np.pi).ravel()]
+    )
+
+
+def waypoints(
+    world: World,
+    points: ArrayLike,
+    spacing: float = 0.05,
+    *,
+    headings: int = 1,
+    clearance: float = 0.045,
+) -> Floats:
+    """Poses along straight lines between waypoints; only valid poses are kept.
+
+    Parameters
+    ----------
+    world : World
+    points : (k, 2) float64, metres
+        The waypoints; one gives a single position.
+    spacing : float, metres
+        Largest distance between neighbouring poses.
+    headings : int
+        1 looks along the way; more add equally spaced headings to it.
+    clearance : float, metres
+        Least distance of a position to solids and walls.
+
+    Returns
+    -------
+    path : (n, 3) float64
+        x, y in metres and yaw in radians.
+
+    Raises
+    ------
+    ValueError
+        When no pose is valid.
+
+    Examples
+    --------
+    >>> import primfit
+    >>> primfit.waypoints(primfit.World(), [(0, 0), (1, 0)], spacing=0.5)
+    array([[0. , 0. , 0. ],
+           [0.5, 0. , 0. ],
+           [1. , 0. , 0. ]])
+    """
+    instance("world", world, World)
+    corners = as_rows("points", points, 2)
+    if not len(corners):
+        raise ValueError("points must hold at least one waypoint")
+    spacing = number("spacing", spacing, above=0.0)
+    headings = integer("headings", headings, low=1)
+    legs = [np.empty((0, 3))]
+    yaw = 0.0
+    for start, end in pairwise(corners):
+        step = end - start
+        if not step.any():
+            continue
+        yaw = float(np.arctan2(step[1], step[0]))
+        along = np.linspace(0.0, 1.0, int(np.ceil(np.linalg.norm(step) / spacing)) + 1)[:-1, None]
+        legs.append(np.column_stack([start + along * step, np.full(len(along), yaw)]))
+    path = np.concatenate([*legs, [[*corners[-1], yaw]]])
+    path = path[is_free(world, path[:, :2], clearance)]
+    if not len(path):
+        raise ValueError(
+            f"the path has no valid pose: none of its positions is at least clearance="
+            f"{clearance:g} m from the solids and walls of {world!r}"
+        )
+    poses = np.repeat(path, headings, axis=0)
+    poses[:, 2] += np.tile(2 * np.pi * np.arange(headings) / headings, len(path))
+    return poses
+
+
+def is_free(world: World, positions: ArrayLike, clearance: float = 0.0) -> Bools:
+    """Which positions (n, 2) are inside the arena, outside every solid, and `clearance` from both.
+
+    Parameters
+    ----------
+    world : World
+    positions : (n, 2) float64, metres
+    clearance : float, metres
+
+    Returns
+    -------
+    free : (n,) bool
+    """
+    xy = as_rows("positions", positions, 2)
+    clearance = number("clearance", clearance, low=0.0)
+    points = shapely.points(xy)
+    free = np.ones(len(xy), dtype=bool)
+    if world.arena is not None:
+        low, high = world.bounds
+        free &= ((xy > low) & (xy < high)).all(axis=1)
+        free &= (np.minimum(xy - low, high - xy) >= clearance).all(axis=1)
+    for solid in world.solids:
+        distance = shapely.distance(solid.shadow, points)
+        free &= (distance > 0.0) & (distance >= clearance)
+    return free

@@ -1,0 +1,169 @@
+"""Solids with known truth: upright prisms over any simple footprint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from primfit._check import Bools, Floats, Ints, as_rows, as_vector, frozen, integer, number
+from primfit.geometry import footprints
+from primfit.geometry.extrusions import prism_faces, prism_triangles, prism_vertices
+
+
+@dataclass(frozen=True, eq=False)
+class Prism:
+    """An upright solid: a footprint drawn up from ``base`` by ``height``.
+
+    Parameters
+    ----------
+    footprint : (m, 2) float64, metres
+        Corners of a simple polygon, convex or not, in either direction.
+    height : float, metres
+        From bottom to top.
+    base : float, metres
+        z of the bottom.
+
+    Raises
+    ------
+    ValueError
+        When the footprint crosses itself or has no area, or the height is not positive.
+
+    Examples
+    --------
+    >>> import primfit
+    >>> ell = primfit.Prism([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], height=0.5)
+    >>> ell.kind, ell.vertices.shape
+    ('polygon', (12, 3))
+    >>> primfit.Prism.regular(3, side=0.3, angle=0.1).kind
+    'triangle'
+    """
+
+    footprint: Floats
+    height: float = 0.2
+    base: float = field(default=0.0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "footprint", frozen(footprints.clean_footprint(self.footprint)))
+        object.__setattr__(self, "height", number("height", self.height, above=0.0))
+        object.__setattr__(self, "base", number("base", self.base))
+
+    @classmethod
+    def regular(
+        cls,
+        n: int,
+        side: float,
+        *,
+        center: ArrayLike = (0.0, 0.0),
+        angle: float = 0.0,
+        height: float = 0.2,
+    ) -> Prism:
+        """Prism over a regular polygon of ``n`` sides (`side` in metres, `angle` in radians)."""
+        n, side = integer("n", n, low=3), number("side", side, above=0.0)
+        place = as_vector("center", center, 2), number("angle", angle)
+        return cls(footprints.regular_footprint(n, side, *place), height)
+
+    @classmethod
+    def rectangle(
+        cls,
+        long: float,
+        short: float,
+        *,
+        center: ArrayLike = (0.0, 0.0),
+        angle: float = 0.0,
+        height: float = 0.2,
+    ) -> Prism:
+        """Prism over a rectangle; at angle 0 its first side, ``long``, lies along +x."""
+        long, short = number("long", long, above=0.0), number("short", short, above=0.0)
+        place = as_vector("center", center, 2), number("angle", angle)
+        return cls(footprints.rectangle_footprint(long, short, *place), height)
+
+    @classmethod
+    def star(
+        cls,
+        n: int,
+        outer: float,
+        inner: float,
+        *,
+        center: ArrayLike = (0.0, 0.0),
+        angle: float = 0.0,
+        height: float = 0.2,
+    ) -> Prism:
+        """Prism over a star of ``n`` tips at radius ``outer``, with notches at ``inner``."""
+        n = integer("n", n, low=3)
+        outer, inner = number("outer", outer, above=0.0), number("inner", inner, above=0.0)
+        if inner >= outer:
+            raise ValueError(f"inner must be less than outer ({outer:g}), not {inner:g}")
+        place = as_vector("center", center, 2), number("angle", angle)
+        return cls(footprints.star_footprint(n, outer, inner, *place), height)
+
+    @property
+    def kind(self) -> str:
+        """Class name: "triangle", "square", "rectangle", "pentagon", ..., "star", "polygon"."""
+        return footprints.kind_of(self.footprint)
+
+    @property
+    def angle(self) -> float:
+        """Yaw of the footprint in radians, from zero up to its symmetry."""
+        return footprints.angle_of(self.footprint)
+
+    @property
+    def size(self) -> float | tuple[float, float]:
+        """Side; (long, short) of a rectangle; (outer, inner) radius of a star; metres."""
+        return footprints.size_of(self.footprint)
+
+    @property
+    def center(self) -> Floats:
+        """Mean of the vertices (3,) (the paper's equation 1), at half height; metres."""
+        return np.append(self.footprint.mean(axis=0), self.base + self.height / 2)
+
+    @property
+    def centroid(self) -> Floats:
+        """Centroid of the volume (3,), metres."""
+        return np.append(footprints.area_centroid(self.footprint), self.base + self.height / 2)
+
+    @property
+    def vertices(self) -> Floats:
+        """Vertices (2m, 3), metres: the bottom, then the top."""
+        return prism_vertices(self.footprint, self.base, self.base + self.height)
+
+    @property
+    def faces(self) -> tuple[Ints, ...]:
+        """Rows of `vertices` around each face, seen from outside: m walls, bottom, top."""
+        return prism_faces(len(self.footprint))
+
+    @cached_property
+    def shadow(self) -> shapely.Polygon:
+        """What it covers as seen from above."""
+        return shapely.Polygon(self.footprint)
+
+    def contains(self, points: ArrayLike) -> Bools:
+        """Which points (n, 3) are inside or on the surface."""
+        rows = as_rows("points", points, 3)
+        z = rows[:, 2]
+        within = shapely.intersects_xy(self.shadow, rows[:, :2])
+        return within & (z >= self.base) & (z <= self.base + self.height)
+
+    def to_mesh(self) -> tuple[Floats, Ints]:
+        """Vertices (2m, 3) and triangles (t, 3), counter-clockwise from outside."""
+        return self.vertices, prism_triangles(self.footprint)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The prism as plain numbers, for JSON."""
+        return {
+            "footprint": self.footprint.tolist(),
+            "height": self.height,
+            "base": self.base,
+        }
+
+    def __repr__(self) -> str:
+        x, y, _ = self.center
+        size = ", ".join(f"{value:.3f}" for value in np.atleast_1d(self.size))
+        return (
+            f"Prism({self.kind}, center=({x:.3f}, {y:.3f}), size={size} m, "
+            f"angle={np.degrees(self.angle):.2f} deg, height={self.height:g} m)"
+        )

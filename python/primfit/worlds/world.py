@@ -1,0 +1,235 @@
+"""Worlds: solids with known truth, standing in an arena or on an open floor."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from primfit._check import Bools, Floats, Ints, frozen, number
+from primfit.worlds.polyhedron import Polyhedron
+from primfit.worlds.prism import Prism
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Solid = Prism | Polyhedron
+
+CELL = 0.01
+"""Side of a cell of `World.mask` and `World.matrix`, metres."""
+
+OPEN_FLOOR = 100.0
+"""How far the floor of a world without an arena reaches beyond its solids, metres."""
+
+NOTHING, ARENA, FLOOR = -1, -2, -3
+"""What a beam hit when it was not a solid."""
+
+COLORS = {
+    "triangle": (214, 96, 77),
+    "square": (67, 147, 195),
+    "rectangle": (90, 174, 97),
+    "pentagon": (153, 112, 171),
+    "star": (224, 168, 45),
+    "box": (90, 174, 97),
+    "cube": (67, 147, 195),
+    "wedge": (214, 96, 77),
+    "pyramid": (224, 168, 45),
+    "frustum": (153, 112, 171),
+}
+"""Colour of each kind in `World.matrix` and in pictures (red, green, blue)."""
+OTHER_COLOR = (120, 120, 120)
+
+
+@dataclass(frozen=True)
+class Arena:
+    """Walls around a rectangle whose corner is the origin.
+
+    The inner faces stand at 0 and `size`; the walls have no thickness, since a sensor inside
+    cannot see it.
+
+    Parameters
+    ----------
+    size : float or (2,), metres
+        Inner width (x) and depth (y).
+    height : float, metres
+        Height of the walls.
+    """
+
+    size: tuple[float, float] = (2.0, 2.0)
+    height: float = field(default=0.3, kw_only=True)
+
+    def __post_init__(self) -> None:
+        size = (self.size, self.size) if np.ndim(self.size) == 0 else tuple(self.size)
+        if len(size) != 2:
+            raise ValueError(f"size must be a number or (width, depth), not {self.size!r}")
+        width, depth = (number("size", value, above=0.0) for value in size)
+        object.__setattr__(self, "size", (width, depth))
+        object.__setattr__(self, "height", number("height", self.height, above=0.0))
+
+    @property
+    def outline(self) -> Floats:
+        """Corners (4, 2) of the inside, counter-clockwise."""
+        width, depth = self.size
+        return np.array([[0.0, 0.0], [width, 0.0], [width, depth], [0.0, depth]])
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Solids on a floor at z = 0, with or without an arena around them.
+
+    Parameters
+    ----------
+    solids : sequence of Prism and Polyhedron
+        They may have any height and must not be inside each other for a scan to make sense; this
+        is left to the caller.
+    arena : Arena or None
+        None leaves the floor open.
+
+    Examples
+    --------
+    >>> import primfit
+    >>> world = primfit.World([primfit.Prism.regular(4, 0.3, center=(1, 1))], primfit.Arena())
+    >>> world
+    World(1 solid: square; arena 2 x 2 m)
+    """
+
+    solids: Sequence[Solid] = ()
+    arena: Arena | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.solids, Iterable):
+            raise TypeError(
+                f"solids must be a sequence of Prism and Polyhedron, not {self.solids!r}"
+            )
+        solids = tuple(self.solids)
+        for i, solid in enumerate(solids):
+            if not isinstance(solid, Solid):
+                raise TypeError(
+                    f"solids[{i}] must be a Prism or a Polyhedron, not {type(solid).__name__}"
+                )
+        if self.arena is not None and not isinstance(self.arena, Arena):
+            raise TypeError(f"arena must be an Arena or None, not {type(self.arena).__name__}")
+        object.__setattr__(self, "solids", solids)
+
+    @cached_property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper corner (2,) of the arena, or else of all solids; metres."""
+        if self.arena is not None:
+            return np.zeros(2), np.array(self.arena.size)
+        if not self.solids:
+            return np.zeros(2), np.zeros(2)
+        corners = np.concatenate([solid.vertices[:, :2] for solid in self.solids])
+        return corners.min(axis=0), corners.max(axis=0)
+
+    @cached_property
+    def mask(self) -> Bools:
+        """Which cells solids cover: (rows, columns), row along y, column along x.
+
+        The centre of cell [i, j] is at ``bounds[0] + ((j + 0.5) * CELL, (i + 0.5) * CELL)``.
+        """
+        return frozen(self._cells >= 0)
+
+    @cached_property
+    def matrix(self) -> NDArray[np.uint8]:
+        """The map as an image (rows, columns, 3) of uint8: colour by kind, black for free."""
+        colors = [COLORS.get(solid.kind, OTHER_COLOR) for solid in self.solids]
+        palette = np.array([*colors, (0, 0, 0)], dtype=np.uint8)
+        return frozen(palette[self._cells])
+
+    @cached_property
+    def _cells(self) -> Ints:
+        low, high = self.bounds
+        n_columns, n_rows = np.ceil((high - low) / CELL - 1e-9).astype(int)
+        x = low[0] + (np.arange(n_columns) + 0.5) * CELL
+        y = low[1] + (np.arange(n_rows) + 0.5) * CELL
+        cells = np.full((n_rows, n_columns), -1, dtype=np.int64)
+        for i, solid in enumerate(self.solids):
+            cells[shapely.contains_xy(solid.shadow, x, y[:, None])] = i
+        return cells
+
+    @cached_property
+    def _mesh(self) -> tuple[Floats, Ints, Ints]:
+        parts = [(*solid.to_mesh(), i) for i, solid in enumerate(self.solids)]
+        low, high = self.bounds
+        if self.arena is not None:
+            walls = Prism(self.arena.outline, self.arena.height)
+            # The first triangles of a prism are its walls; seen from inside they turn around.
+            parts.append((walls.vertices, walls.to_mesh()[1][:8, ::-1], ARENA))
+        else:
+            low, high = low - OPEN_FLOOR, high + OPEN_FLOOR
+        floor = np.array(
+            [[low[0], low[1], 0], [high[0], low[1], 0], [*high, 0], [low[0], high[1], 0]]
+        )
+        parts.append((floor, np.array([[0, 1, 2], [0, 2, 3]]), FLOOR))
+        first = np.cumsum([0, *(len(vertices) for vertices, _, _ in parts)])
+        return (
+            frozen(np.concatenate([vertices for vertices, _, _ in parts])),
+            frozen(
+                np.concatenate([rows + i for (_, rows, _), i in zip(parts, first, strict=False)])
+            ),
+            frozen(np.concatenate([np.full(len(rows), index) for _, rows, index in parts])),
+        )
+
+    def to_mesh(self) -> tuple[Floats, Ints, Ints]:
+        """All surfaces as triangles.
+
+        Returns
+        -------
+        vertices : (v, 3) float64, metres
+        triangles : (t, 3) int64
+            Rows of `vertices`, counter-clockwise from the free side.
+        solid_index : (t,) int64
+            What each triangle belongs to: a row of `solids`, -2 the arena, -3 the floor. The
+            floor of a world without an arena is a large square (see `OPEN_FLOOR`).
+        """
+        return self._mesh
+
+    def plot(self, *, ax: Axes | None = None) -> Axes:
+        """Draw the map from above; needs matplotlib."""
+        from primfit import plotting
+
+        return plotting.plot_world(self, ax)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The world as plain numbers, for JSON."""
+        arena = self.arena and {"size": list(self.arena.size), "height": self.arena.height}
+        return {"solids": [solid.to_dict() for solid in self.solids], "arena": arena}
+
+    def save(self, file: str | PathLike[str]) -> None:
+        """Write the world as JSON; every number survives exactly."""
+        Path(file).write_text(json.dumps({"primfit": "world", **self.to_dict()}, indent=1))
+
+    @classmethod
+    def load(cls, file: str | PathLike[str]) -> World:
+        """Read a world that `save` wrote.
+
+        Raises
+        ------
+        ValueError
+            When the file is not one.
+        """
+        try:
+            content = json.loads(Path(file).read_text())
+            if content["primfit"] != "world":
+                raise KeyError("primfit")
+            arena = content["arena"] and Arena(**content["arena"])
+            solids = [
+                Prism(**solid) if "footprint" in solid else Polyhedron(**solid)
+                for solid in content["solids"]
+            ]
+            return cls(solids, arena)
+        except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{file} is not a world that primfit wrote: {error!r}") from None
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(solid.kind for solid in self.solids) or "empty"
+        where = "no arena" if self.arena is None else "arena {:g} x {:g} m".format(*self.arena.size)
+        return f"World({len(self.solids)} solid{'s' * (len(self.solids) != 1)}: {kinds}; {where})"

@@ -1,0 +1,229 @@
+//! The plane around each point, at the smallest scale that shows one.
+
+use super::vicinity::Vicinity;
+use super::{Neighbor, PointTree};
+use crate::spread::{Moments, Spread, Sums};
+use crate::{Error, Vector, Workers};
+
+/// Sizes of neighbourhoods that are tried, smallest first.
+const SIZES: [usize; 11] = [12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384];
+/// Neighbours that most points are content with, and that all others get.
+const FEW: usize = 96;
+/// Most neighbours that are looked at.
+pub const MOST: usize = 384;
+/// Second smallest over smallest variance of a neighbourhood that is flat; more for small ones,
+/// where chance flattens (by chance 17.9 with 12 points, 5.7 with 24, once in 10 000).
+pub const FLAT: f64 = 6.0;
+const FLAT_BY_CHANCE: f64 = 48.0 * FLAT;
+/// Second largest over largest variance below which a neighbourhood is a line.
+const LINE: f64 = 0.06;
+/// How much larger the neighbourhood is of which a share must lie near the plane too. One ring of
+/// a spinning sensor spans a perfect plane, which its neighbours do not lie on.
+const WIDER: usize = 4;
+const SUPPORT: f64 = 0.4;
+/// Standard deviations within which a point lies near the plane.
+const NEAR: f64 = 3.0;
+/// Standard errors by which the variance of a flat neighbourhood may exceed the given one.
+const THICKER: f64 = 4.0;
+/// How much thicker than the noise a neighbourhood may be in which a plane is still looked for.
+pub const THICKEST: f64 = 3.0;
+/// Least standard deviation, as a fraction of the neighbourhood's radius: what rounding leaves.
+pub const FLOOR: f64 = 1e-7;
+
+/// The plane of a neighbourhood.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct LocalPlane {
+    /// Unit normal; zero when there are too few points.
+    pub normal: Vector,
+    /// Standard deviation of the neighbourhood across the plane.
+    pub sigma: f64,
+    /// Second smallest over smallest variance.
+    pub flatness: f64,
+    /// Points of the neighbourhood.
+    pub size: u32,
+    /// Whether the neighbourhood passes as flat; else it is the flattest of all.
+    pub is_flat: bool,
+}
+
+impl PointTree {
+    /// The plane around every `step`-th point, in the order of the tree.
+    ///
+    /// With `sigma`, the noise of each point in the same order, a neighbourhood is flat when it is
+    /// as thin as that noise, whatever its chance variance.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn local_planes(
+        &self,
+        sigma: Option<&[f64]>,
+        step: usize,
+        workers: &Workers,
+    ) -> Result<Vec<LocalPlane>, Error> {
+        let mut planes = vec![LocalPlane::default(); self.points().len().div_ceil(step)];
+        workers.fill(
+            &mut planes,
+            1,
+            || Vicinity::new(self),
+            |vicinity, i, plane| {
+                let i = i * step;
+                let point = &self.points()[i];
+                let sigma = sigma.map(|sigma| sigma[i]);
+                let few = self.flattest(point, vicinity.nearest(i, FEW), sigma, FEW / WIDER);
+                plane[0] = if few.is_flat {
+                    few
+                } else {
+                    self.flattest(point, vicinity.nearest_of_one(i, MOST), sigma, MOST)
+                };
+            },
+        )?;
+        Ok(planes)
+    }
+
+    /// The unit normal of the `k` points nearest to each, by least squares, in the order in which
+    /// points were given; zero where there are fewer than 3.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn normals(&self, k: usize, workers: &Workers) -> Result<Vec<Vector>, Error> {
+        let mut normals = vec![[0.0; 3]; self.points().len()];
+        if k.min(normals.len()) >= 3 {
+            workers.fill(
+                &mut normals,
+                1,
+                || Vicinity::new(self),
+                |vicinity, i, normal| {
+                    let near = vicinity.nearest_by_place(i, k).iter();
+                    let near = near.map(|&place| &self.points()[place as usize]);
+                    normal[0] = Moments::of(near, &self.points()[i]).normal();
+                },
+            )?;
+        }
+        let mut given = vec![[0.0; 3]; normals.len()];
+        for (&row, normal) in self.rows().iter().zip(normals) {
+            given[row as usize] = normal;
+        }
+        Ok(given)
+    }
+
+    /// Looks again at neighbourhoods that are not flat, now that the noise is known around them:
+    /// the largest one that is as thin.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn thin_planes(
+        &self,
+        local: &mut [LocalPlane],
+        noise: &[f32],
+        step: usize,
+        workers: &Workers,
+    ) -> Result<(), Error> {
+        workers.fill(
+            local,
+            1,
+            || Vicinity::new(self),
+            |vicinity, i, plane| {
+                let i = i * step;
+                let sigma = f64::from(noise[i]);
+                if !plane[0].is_flat && plane[0].sigma <= THICKEST * sigma {
+                    let point = &self.points()[i];
+                    let found = vicinity.nearest_of_one(i, MOST);
+                    plane[0] = self.flattest(point, found, Some(sigma), MOST);
+                }
+            },
+        )
+    }
+
+    /// The plane of the first size that is flat, up to `largest`; else of the flattest.
+    fn flattest(
+        &self,
+        point: &Vector,
+        found: &[u32],
+        sigma: Option<f64>,
+        largest: usize,
+    ) -> LocalPlane {
+        let mut sums = Sums::new(*point);
+        let mut taken = 0;
+        let mut best = LocalPlane::default();
+        let mut best_rank = (false, -1.0);
+        for size in SIZES.into_iter().filter(|&size| size <= largest) {
+            let size = size.min(found.len());
+            if size == taken || size < 4 {
+                break;
+            }
+            for &place in &found[taken..size] {
+                sums.add(&self.points()[place as usize]);
+            }
+            taken = size;
+            let spread = sums.moments().spread();
+            let [thin, middle, long] = spread.variances;
+            let n = size as f64;
+            let thin = (thin * n / (n - 3.0)).max(FLOOR * FLOOR * long).max(f64::MIN_POSITIVE);
+            let (variance, least) = match sigma {
+                Some(sigma) if thin <= (1.0 + THICKER * (2.0 / n).sqrt()) * sigma * sigma => {
+                    (sigma * sigma, FLAT)
+                }
+                _ => (thin, FLAT.max(FLAT_BY_CHANCE / n)),
+            };
+            let flatness = middle / variance;
+            let wider = &found[..found.len().min(WIDER * size)];
+            let near = NEAR * variance.sqrt();
+            let support = wider
+                .iter()
+                .filter(|&&place| spread.distance(&self.points()[place as usize]).abs() <= near)
+                .count();
+            let is_supported = support as f64 >= SUPPORT * wider.len() as f64;
+            let is_flat = flatness > least && middle > LINE * long && is_supported;
+            // Whatever holds together beats what only one row of the scan lies on.
+            let rank = (is_supported, flatness / least);
+            if is_flat || rank > best_rank {
+                best_rank = rank;
+                best = LocalPlane {
+                    normal: spread.normal,
+                    sigma: variance.sqrt(),
+                    flatness,
+                    size: size as u32,
+                    is_flat,
+                };
+            }
+            if is_flat {
+                break;
+            }
+        }
+        best
+    }
+}
+
+/// The plane of some of the points, hard-cut at `reach` and fitted again, and which are within.
+pub fn cut_plane(
+    points: &[Vector],
+    window: &[Neighbor],
+    reach: f64,
+    n_times: usize,
+    within: &mut Vec<u32>,
+) -> Spread {
+    let origin = points[window[0].place as usize];
+    let of = |places: &[u32]| {
+        let mut sums = Sums::new(origin);
+        for &place in places {
+            sums.add(&points[place as usize]);
+        }
+        sums.moments().spread()
+    };
+    within.clear();
+    within.extend(window.iter().map(|n| n.place));
+    let mut spread = of(within);
+    for _ in 0..n_times {
+        within.clear();
+        within.extend(
+            window
+                .iter()
+                .map(|n| n.place)
+                .filter(|&place| spread.distance(&points[place as usize]).abs() <= reach),
+        );
+        if within.len() < 4 {
+            break;
+        }
+        spread = of(within);
+    }
+    spread
+}

@@ -1,0 +1,159 @@
+//! Patches of curved surfaces that pass for planes: beyond their borders the surface goes on.
+
+use super::curvature::{Bend, Heights};
+use super::graph::Graph;
+use super::growth::NOBODY;
+use super::regions::{Members, Region};
+use super::roughness::Surfaces;
+use crate::{Error, Vector, Workers};
+use std::collections::HashSet;
+
+/// Standard deviations from a curved surface within which its points lie.
+const ON: f64 = 3.0;
+/// Points of no plane, for each of its own, over which a patch goes on.
+const MORE: f64 = 1.0;
+/// Steps from point to point beyond the border.
+const STEPS: usize = 16;
+
+/// The labels of planes without those that are patches of curved surfaces, in the same order.
+///
+/// # Errors
+/// [`Error::Stopped`] when the caller does not want to go on.
+pub fn without_patches(
+    points: &[Vector],
+    graph: &Graph,
+    regions: &[Region],
+    labels: &[i32],
+    surfaces: Surfaces,
+    workers: &Workers,
+) -> Result<Vec<i32>, Error> {
+    let members = Members::of(labels);
+    let mut is_patch = vec![false; regions.len()];
+    workers.fill(
+        &mut is_patch,
+        1,
+        || (),
+        |(), k, is_patch| {
+            let bend = continued(points, graph, labels, members.get(k), &regions[k], surfaces);
+            is_patch[0] = bend.is_some_and(|bend| bend.is_clear());
+        },
+    )?;
+    let mut n = 0;
+    let number = |&is_patch: &bool| {
+        n += i32::from(!is_patch);
+        if is_patch { NOBODY } else { n - 1 }
+    };
+    let numbers: Vec<i32> = is_patch.iter().map(number).collect();
+    Ok(labels.iter().map(|&k| if k == NOBODY { k } else { numbers[k as usize] }).collect())
+}
+
+/// How much the surface bends of which a region is a patch.
+///
+/// The paraboloid of its points takes what touches it, belongs to nothing and lies on it, step by
+/// step. None when that is less than the region itself: beyond the border of a plane is nothing,
+/// another plane, or an edge.
+fn continued(
+    points: &[Vector],
+    graph: &Graph,
+    labels: &[i32],
+    places: &[u32],
+    region: &Region,
+    surfaces: Surfaces,
+) -> Option<Bend> {
+    let spread = region.spread();
+    let reach = ON * region.sigma(&spread, surfaces);
+    let mut heights = Heights::over(&spread);
+    for &place in places {
+        heights.add(&points[place as usize]);
+    }
+    let enough = (1.0 + MORE) * heights.count();
+    let mut seen = HashSet::new();
+    let mut rim = places.to_vec();
+    for _ in 0..STEPS {
+        let surface = heights.paraboloid()?;
+        let mut next = Vec::new();
+        for &other in rim.iter().flat_map(|&place| graph.of(place as usize)) {
+            if labels[other as usize] == NOBODY
+                && heights.above(&surface, &points[other as usize]).abs() <= reach
+                && seen.insert(other)
+            {
+                next.push(other);
+            }
+        }
+        for &place in &next {
+            heights.add(&points[place as usize]);
+        }
+        if heights.count() >= enough {
+            return heights.bend();
+        }
+        rim = next;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::neighbors::PointTree;
+    use crate::segmentation::regions;
+
+    const GO_ON: fn() -> bool = || true;
+    const NOISE: f64 = 0.005;
+
+    /// 60 x 60 points whose height over a sheet of 2 m is `off`, moved by `shift`.
+    fn sheet(shift: f64, place: impl Fn(f64, f64, f64) -> Vector) -> Vec<Vector> {
+        (0..3600_u32)
+            .map(|i| {
+                let (u, v) = (f64::from(i % 60) / 30.0 - 1.0, f64::from(i / 60) / 30.0 - 1.0);
+                let off = NOISE * 1.7 * f64::from(i).powi(2).sin();
+                place(u, v, off).map(|x| x + shift)
+            })
+            .collect()
+    }
+
+    /// What is left of the labels `label` gives to points.
+    fn left(points: &[Vector], label: impl Fn(&Vector) -> i32) -> Vec<(Vector, i32)> {
+        let workers = Workers::new(Some(1), &GO_ON).unwrap();
+        let tree = PointTree::new(points);
+        let graph = Graph::new(&tree, 10, 32, &workers).unwrap();
+        let labels: Vec<i32> = tree.points().iter().map(label).collect();
+        let noise = vec![NOISE as f32; points.len()];
+        let regions = regions::fit(tree.points(), &noise, &labels, &workers);
+        let left =
+            without_patches(tree.points(), &graph, &regions, &labels, Surfaces::Smooth, &workers);
+        tree.points().iter().copied().zip(left.unwrap()).collect()
+    }
+
+    #[test]
+    fn a_strip_of_a_cylinder_goes_and_planes_are_numbered_again() {
+        let bent = |u: f64, v, off| [(1.0 + off) * u.cos(), (1.0 + off) * u.sin(), v];
+        let mut points = sheet(0.0, bent);
+        points.extend(sheet(10.0, |u, v, off| [u, v, off]));
+        let strip = |p: &Vector| p[0] < 5.0 && p[1].abs() < 0.15;
+        let label = |p: &Vector| match p {
+            p if strip(p) => 0,
+            p if p[0] > 5.0 => 1,
+            _ => NOBODY,
+        };
+        for (point, label) in left(&points, label) {
+            assert_eq!(label, if point[0] > 5.0 { 0 } else { NOBODY });
+        }
+    }
+
+    #[test]
+    fn a_face_stays_beside_another_that_has_no_label() {
+        let fold = |u: f64, v, off: f64| if u < 0.0 { [u, v, off] } else { [off, v, -u] };
+        let is_face = |p: &Vector| p[2].abs() < 3.0 * NOISE;
+        let label = |p: &Vector| if is_face(p) { 0 } else { NOBODY };
+        assert!(left(&sheet(0.0, fold), label).iter().all(|(p, found)| *found == label(p)));
+    }
+
+    #[test]
+    fn half_of_a_plane_stays_whatever_the_other_half_is() {
+        let label = |p: &Vector| if p[0] < 0.0 { 0 } else { NOBODY };
+        let points = sheet(0.0, |u, v, off| [u, v, off]);
+        assert!(left(&points, label).iter().all(|(p, found)| *found == label(p)));
+    }
+}

@@ -1,0 +1,245 @@
+//! Touching planes that are one: put together as long as the points allow it.
+
+use super::graph::Graph;
+use super::growth::NOBODY;
+use super::regions::{Region, SHARE};
+use super::roughness::{Law, Surfaces};
+use crate::spread::Spread;
+use std::collections::{BTreeMap, BinaryHeap};
+
+/// Squared distance, in variances, that each point of the smaller of two planes may move.
+const MOVE_SMOOTH: f64 = 0.25;
+const MOVE_ROUGH: f64 = 2.56;
+/// What a plane costs, in variances, times the logarithm of its points.
+const PLANE: f64 = 4.0;
+/// How much larger than the smaller variance of two planes the common one may be.
+const UNEQUAL: f64 = 4.0;
+/// How much more room than each two parts take together that are apart, and by how much for each
+/// point the shares of labels among neighbours grow where they touch.
+const ROOMIER: f64 = 1.2;
+const TOUCHING: f64 = 0.1;
+
+/// New labels after putting touching regions together, best gain a point first.
+///
+/// Two are one when the sum of squared distances grows by less than a plane's parameters and the
+/// smaller plane's freedom to move are worth.
+pub fn merge(graph: &Graph, regions: &[Region], labels: &[i32], surfaces: Surfaces) -> Vec<i32> {
+    let freedom = Freedom::of(surfaces, regions);
+    let mut regions = regions.to_vec();
+    let mut touching = touching(graph, labels, regions.len());
+    let mut version = vec![0_u32; regions.len()];
+    let mut into: Vec<usize> = (0..regions.len()).collect();
+    let mut heap = BinaryHeap::new();
+    for (a, others) in touching.iter().enumerate() {
+        for (&b, &bonus) in others.range(a + 1..) {
+            heap.extend(Pair::of(freedom, &regions, &version, a, b, bonus));
+        }
+    }
+    while let Some(Pair { a, b, versions, .. }) = heap.pop() {
+        if versions != (version[a], version[b]) {
+            continue;
+        }
+        regions[a] = joined(&regions[a], &regions[b]);
+        into[b] = a;
+        version[a] += 1;
+        version[b] += 1;
+        for (other, bonus) in std::mem::take(&mut touching[b]) {
+            touching[other].remove(&b);
+            if other != a {
+                *touching[other].entry(a).or_insert(0.0) += bonus;
+                *touching[a].entry(other).or_insert(0.0) += bonus;
+            }
+        }
+        for (&other, &bonus) in &touching[a] {
+            heap.extend(Pair::of(freedom, &regions, &version, a.min(other), a.max(other), bonus));
+        }
+    }
+    labels
+        .iter()
+        .map(|&label| {
+            if label == NOBODY {
+                return NOBODY;
+            }
+            let mut at = label as usize;
+            while into[at] != at {
+                at = into[at];
+            }
+            at as i32
+        })
+        .collect()
+}
+
+/// Two regions that may be one.
+#[derive(Debug, PartialEq)]
+struct Pair {
+    gain: f64,
+    a: usize,
+    b: usize,
+    versions: (u32, u32),
+}
+
+impl Pair {
+    fn of(
+        freedom: Freedom,
+        regions: &[Region],
+        version: &[u32],
+        a: usize,
+        b: usize,
+        bonus: f64,
+    ) -> Option<Self> {
+        let (first, second) = (&regions[a], &regions[b]);
+        let both = joined(first, second);
+        let planes = [first, second, &both].map(Region::spread);
+        let rise =
+            squares(&planes[2], &both) - squares(&planes[0], first) - squares(&planes[1], second);
+        let counts = [first.moments.count, second.moments.count];
+        let variance = freedom.variance([(first, &planes[0]), (second, &planes[1])], &planes[2]);
+        if freedom.are_apart(counts, &planes, bonus) {
+            return None;
+        }
+        let worth = freedom.worth(counts) + 2.0 * bonus;
+        let gain = (worth - rise / variance) / (counts[0] + counts[1]);
+        (gain > 0.0).then(|| Self { gain, a, b, versions: (version[a], version[b]) })
+    }
+}
+
+impl Eq for Pair {}
+
+impl Ord for Pair {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.gain.total_cmp(&other.gain).then((other.a, other.b).cmp(&(self.a, self.b)))
+    }
+}
+
+impl PartialOrd for Pair {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// How far two planes may be from one.
+#[derive(Debug, Clone, Copy)]
+pub struct Freedom {
+    surfaces: Surfaces,
+    law: Law,
+    squared_move: f64,
+}
+
+impl Freedom {
+    /// Of the planes of a cloud.
+    pub fn of(surfaces: Surfaces, regions: &[Region]) -> Self {
+        match surfaces {
+            Surfaces::Smooth => Self { surfaces, law: Law::WHITE, squared_move: MOVE_SMOOTH },
+            Surfaces::Rough => Self { surfaces, law: Law::of(regions), squared_move: MOVE_ROUGH },
+        }
+    }
+
+    /// Variance about the plane of both of two parts.
+    pub fn variance(&self, parts: [(&Region, &Spread); 2], both: &Spread) -> f64 {
+        let extent = |spread: &Spread| spread.variances[1].sqrt();
+        let [a, b] = parts.map(|(region, spread)| {
+            let sigma = region.sigma(spread, self.surfaces);
+            self.law.sigma(sigma, extent(spread), extent(both)).powi(2)
+        });
+        a.max(b).min(UNEQUAL * a.min(b))
+    }
+
+    /// Whether two parts of so many points, whose spreads and common one are given, are pieces with
+    /// a gap between them: together they take much more room than each, and hardly touch.
+    fn are_apart(&self, counts: [f64; 2], planes: &[Spread; 3], bonus: f64) -> bool {
+        let [a, b, both] = planes.each_ref().map(|spread| {
+            let [_, middle, long] = spread.variances;
+            (middle * long).sqrt()
+        });
+        self.surfaces == Surfaces::Smooth
+            && both > ROOMIER * (a + b)
+            && bonus < TOUCHING * counts[0].min(counts[1])
+    }
+
+    /// How much the sum of squares may rise, in variances, when two parts of so many points become
+    /// one plane.
+    pub fn worth(&self, counts: [f64; 2]) -> f64 {
+        PLANE * (counts[0] + counts[1]).ln() + self.squared_move * counts[0].min(counts[1])
+    }
+}
+
+fn squares(spread: &Spread, region: &Region) -> f64 {
+    spread.variances[0] * region.moments.count
+}
+
+fn joined(a: &Region, b: &Region) -> Region {
+    let moments = a.moments.joined(&b.moments);
+    let [m, n] = [a, b].map(|region| region.moments.count);
+    Region { moments, local_sigma: (m * a.local_sigma + n * b.local_sigma) / (m + n) }
+}
+
+/// For each region those that it touches, and by how much the logarithm of the shares of labels
+/// among neighbours grows when both are one: much where they interleave, little across an edge.
+fn touching(graph: &Graph, labels: &[i32], n: usize) -> Vec<BTreeMap<usize, f64>> {
+    let mut touching = vec![BTreeMap::new(); n];
+    let mut counts: Vec<(i32, f64)> = Vec::new();
+    for (i, &label) in labels.iter().enumerate().filter(|(_, label)| **label != NOBODY) {
+        let neighbors = graph.of(i);
+        counts.clear();
+        let mut own = 0.0;
+        for &other in neighbors {
+            let other = labels[other as usize];
+            if other == label {
+                own += 1.0;
+            } else if other != NOBODY {
+                match counts.iter_mut().find(|entry| entry.0 == other) {
+                    Some(entry) => entry.1 += 1.0,
+                    None => counts.push((other, 1.0)),
+                }
+            }
+        }
+        let least = SHARE * neighbors.len() as f64;
+        for &(other, count) in &counts {
+            let bonus = ((own + count + least) / (own + least)).ln();
+            *touching[label as usize].entry(other as usize).or_insert(0.0) += bonus;
+            *touching[other as usize].entry(label as usize).or_insert(0.0) += bonus;
+        }
+    }
+    touching
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::neighbors::PointTree;
+    use crate::segmentation::regions;
+    use crate::{Vector, Workers};
+
+    /// How many planes are left of two squares of one plane, of 30 cm, so far from each other.
+    fn left(apart: f64) -> usize {
+        let square = |k: u32, at: f64| {
+            (0..k).map(move |i| {
+                let (u, v) = (f64::from(i) * 0.618_034 % 1.0, f64::from(i) * 0.754_878 % 1.0);
+                [at + 0.3 * u, 0.3 * v, 0.004 * f64::from(i).powi(2).sin()]
+            })
+        };
+        let points: Vec<Vector> = square(300, 0.0).chain(square(300, 0.3 + apart)).collect();
+        let workers = Workers::new(Some(1), &(|| true)).unwrap();
+        let tree = PointTree::new(&points);
+        let graph = Graph::new(&tree, 24, 96, &workers).unwrap();
+        let labels: Vec<i32> = tree.points().iter().map(|p| i32::from(p[0] > 0.3)).collect();
+        let noise = vec![0.003; points.len()];
+        let regions = regions::fit(tree.points(), &noise, &labels, &workers);
+        let mut merged = merge(&graph, &regions, &labels, Surfaces::Smooth);
+        merged.sort_unstable();
+        merged.dedup();
+        merged.len()
+    }
+
+    #[test]
+    fn halves_are_one_plane() {
+        assert_eq!(left(0.0), 1);
+    }
+
+    #[test]
+    fn pieces_with_a_gap_between_them_stay_two() {
+        assert_eq!(left(0.1), 2);
+    }
+}

@@ -1,0 +1,118 @@
+//! The noise around every point, from neighbourhoods that are flat.
+
+use super::graph::Graph;
+use crate::neighbors::normals::LocalPlane;
+use crate::{Error, Workers};
+
+/// Flat neighbourhoods that tell whether all points have one noise.
+const FEWEST: usize = 64;
+/// Parameters of a plane.
+const PARAMETERS: f64 = 3.0;
+/// Standard deviations of the logarithm of the noise, exceeded by one neighbourhood in ten, from
+/// which the noise differs: 1.64 if they did not overlap.
+const DIFFERENT: f64 = 2.3;
+
+/// Standard deviation of the noise of all points of the graph, of which every `step`-th has a
+/// local plane.
+///
+/// A flat neighbourhood tells it; from there it spreads over the graph, since edges, corners and
+/// scattered points have no neighbourhood that tells anything. NaN where it does not get.
+///
+/// # Errors
+/// [`Error::Stopped`] when the caller does not want to go on.
+pub fn spread_noise(
+    graph: &Graph,
+    local: &[LocalPlane],
+    step: usize,
+    n_points: usize,
+    workers: &Workers,
+) -> Result<Vec<f32>, Error> {
+    let mut noise = vec![f32::NAN; n_points];
+    for (plane, i) in local.iter().zip((0..).step_by(step)).filter(|(plane, _)| plane.is_flat) {
+        noise[i] = plane.sigma as f32;
+    }
+    let mut unknown: Vec<u32> =
+        (0..n_points as u32).filter(|&i| noise[i as usize].is_nan()).collect();
+    let mut n_before = n_points + 1;
+    while unknown.len() < n_before {
+        n_before = unknown.len();
+        let mut told = vec![f32::NAN; unknown.len()];
+        workers.fill(
+            &mut told,
+            1,
+            || (),
+            |(), k, told| {
+                told[0] = mean(graph.of(unknown[k] as usize), &noise);
+            },
+        )?;
+        for (&i, told) in unknown.iter().zip(&told) {
+            noise[i as usize] = *told;
+        }
+        unknown.retain(|&i| noise[i as usize].is_nan());
+    }
+    Ok(noise)
+}
+
+/// The noise of all points where flat neighbourhoods do not tell that it differs; None where they
+/// do, or are too few.
+///
+/// The logarithm of a deviation from n points deviates by 1 / sqrt(2 n): of nine in ten, hardly more
+/// than that, though the neighbourhoods overlap and were chosen to be flat.
+pub fn common_noise(local: &[LocalPlane]) -> Option<f64> {
+    let flat: Vec<&LocalPlane> = local.iter().filter(|plane| plane.is_flat).collect();
+    if flat.len() < FEWEST {
+        return None;
+    }
+    let mut sigmas: Vec<f64> = flat.iter().map(|plane| plane.sigma).collect();
+    let (_, &mut median, _) = sigmas.select_nth_unstable_by(flat.len() / 2, f64::total_cmp);
+    let off = |plane: &&LocalPlane| {
+        let freedom = f64::from(plane.size) - PARAMETERS;
+        (plane.sigma / median).ln().abs() * (2.0 * freedom).sqrt()
+    };
+    let mut off: Vec<f64> = flat.iter().map(off).collect();
+    let (_, &mut most, _) = off.select_nth_unstable_by(9 * flat.len() / 10, f64::total_cmp);
+    (most < DIFFERENT).then_some(median)
+}
+
+/// Geometric mean of what is known, NaN when nothing is.
+fn mean(places: &[u32], noise: &[f32]) -> f32 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for known in places.iter().map(|&place| noise[place as usize]).filter(|known| !known.is_nan()) {
+        sum += f64::from(known.max(f32::MIN_POSITIVE)).ln();
+        count += 1.0;
+    }
+    f64::exp(sum / count) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Flat neighbourhoods of 100 points, each a little off its noise.
+    fn flat(n: u32, noise: impl Fn(u32) -> f64) -> Vec<LocalPlane> {
+        let off = |i: u32| 1.0 + 0.1 * (f64::from(i) * 0.618_034 % 1.0 - 0.5);
+        let of = |i| LocalPlane { sigma: off(i) * noise(i), size: 100, ..LocalPlane::default() };
+        (0..n).map(|i| LocalPlane { is_flat: true, ..of(i) }).collect()
+    }
+
+    #[test]
+    fn noise_that_differs_by_chance_is_one() {
+        let common = common_noise(&flat(500, |_| 0.02));
+        assert!(common.is_some_and(|sigma| (sigma / 0.02 - 1.0).abs() < 0.05));
+    }
+
+    #[test]
+    fn noise_that_differs_is_not_one() {
+        assert_eq!(common_noise(&flat(500, |i| if i % 4 == 0 { 0.03 } else { 0.02 })), None);
+    }
+
+    #[test]
+    fn few_and_what_is_not_flat_tell_nothing() {
+        assert_eq!(common_noise(&flat(FEWEST as u32 - 1, |_| 0.02)), None);
+        let bent: Vec<LocalPlane> = flat(500, |_| 0.02)
+            .into_iter()
+            .map(|plane| LocalPlane { is_flat: false, ..plane })
+            .collect();
+        assert_eq!(common_noise(&bent), None);
+    }
+}

@@ -1,0 +1,220 @@
+//! Planes as sets of labelled points: fit, competition for points, merging, components.
+
+use super::graph::Graph;
+use super::growth::NOBODY;
+use super::roughness::Surfaces;
+use crate::neighbors::normals::FLOOR;
+use crate::spread::{Moments, Spread};
+use crate::{Error, Vector, Workers};
+use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+
+/// Least share of a point's neighbours that a label counts with.
+pub const SHARE: f64 = 0.02;
+/// Standard deviations beyond which a plane does not take a point.
+const REACH: f64 = 4.0;
+
+/// How much farther from a smooth plane than their noise its points may be: the estimate of the
+/// noise is not perfect, but with more than that a plane would swallow what is beside it.
+const SLACK: f64 = 1.3;
+
+/// A plane and the points that carry its label.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Region {
+    /// Moments of its points.
+    pub moments: Moments,
+    /// Median of the noise of its points.
+    pub local_sigma: f64,
+}
+
+impl Region {
+    /// Its plane.
+    pub fn spread(&self) -> Spread {
+        self.moments.spread()
+    }
+
+    /// Standard deviation about its plane: not less than the noise of its points, nor than what
+    /// rounding leaves; not much more where surfaces are smooth.
+    pub fn sigma(&self, spread: &Spread, surfaces: Surfaces) -> f64 {
+        let floor = (FLOOR * spread.variances[2].sqrt()).max(f64::MIN_POSITIVE);
+        let least = self.local_sigma.max(floor);
+        let most = match surfaces {
+            Surfaces::Smooth => SLACK * least,
+            Surfaces::Rough => f64::INFINITY,
+        };
+        spread.variances[0].sqrt().clamp(least, most)
+    }
+}
+
+/// Points sorted by label.
+pub struct Members {
+    places: Vec<u32>,
+    starts: Vec<usize>,
+}
+
+impl Members {
+    /// Of labels from 0, or [`NOBODY`].
+    pub fn of(labels: &[i32]) -> Self {
+        let n = labels.iter().max().map_or(0, |&most| (most + 1) as usize);
+        let mut starts = vec![0; n + 1];
+        for &label in labels.iter().filter(|&&label| label != NOBODY) {
+            starts[label as usize + 1] += 1;
+        }
+        for k in 0..n {
+            starts[k + 1] += starts[k];
+        }
+        let mut next = starts.clone();
+        let mut places = vec![0; starts[n]];
+        for (&label, place) in labels.iter().zip(0..).filter(|(label, _)| **label != NOBODY) {
+            places[next[label as usize]] = place;
+            next[label as usize] += 1;
+        }
+        Self { places, starts }
+    }
+
+    /// Number of labels.
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Points of a label, rising.
+    pub fn get(&self, label: usize) -> &[u32] {
+        &self.places[self.starts[label]..self.starts[label + 1]]
+    }
+}
+
+/// The plane of each label.
+pub fn fit(points: &[Vector], noise: &[f32], labels: &[i32], workers: &Workers) -> Vec<Region> {
+    let members = Members::of(labels);
+    let numbers: Vec<usize> = (0..members.len()).collect();
+    workers.install(|| {
+        numbers
+            .par_iter()
+            .map(|&label| {
+                let places = members.get(label);
+                let Some(&first) = places.first() else { return Region::default() };
+                let origin = points[first as usize];
+                let own = places.iter().map(|&place| &points[place as usize]);
+                let mut noise: Vec<f32> =
+                    places.iter().map(|&place| noise[place as usize]).collect();
+                let (_, &mut local_sigma, _) =
+                    noise.select_nth_unstable_by(places.len() / 2, f32::total_cmp);
+                Region { moments: Moments::of(own, &origin), local_sigma: f64::from(local_sigma) }
+            })
+            .collect()
+    })
+}
+
+/// One sweep of competition: each point takes the best label among its neighbours', or none.
+///
+/// The score is the logarithm of the likelihood of its distance, plus that of the share of
+/// neighbours with the label (an auto-logistic prior); without a plane, a point may be anywhere
+/// within its neighbourhood. All points look at the old labels.
+///
+/// # Errors
+/// [`Error::Stopped`] when the caller does not want to go on.
+pub fn compete(
+    points: &[Vector],
+    graph: &Graph,
+    regions: &[Region],
+    labels: &[i32],
+    surfaces: Surfaces,
+    workers: &Workers,
+) -> Result<Vec<i32>, Error> {
+    let planes: Vec<(Spread, f64, f64)> = regions
+        .iter()
+        .map(|region| {
+            let spread = region.spread();
+            let sigma = region.sigma(&spread, surfaces);
+            (spread, sigma, (sigma * std::f64::consts::TAU.sqrt()).ln())
+        })
+        .collect();
+    let shares = Shares::new(graph.most());
+    let mut next = vec![NOBODY; labels.len()];
+    workers.fill(&mut next, 1, Vec::new, |counts: &mut Vec<(i32, u32)>, i, best| {
+        counts.clear();
+        let neighbors = graph.of(i);
+        for &other in neighbors {
+            let label = labels[other as usize];
+            match counts.iter_mut().find(|entry| entry.0 == label) {
+                Some(entry) => entry.1 += 1,
+                None => counts.push((label, 1)),
+            }
+        }
+        counts.sort_unstable();
+        let nobody = match *counts.as_slice() {
+            [(NOBODY, _)] => return,
+            [(NOBODY, count), ..] => count,
+            _ => 0,
+        };
+        let log_share = |count| shares.log(count, neighbors.len());
+        let room = 2.0 * graph.reach(i, points);
+        let mut best_score = log_share(nobody) - room.ln();
+        for &(label, count) in counts.iter().filter(|entry| entry.0 != NOBODY) {
+            let (spread, sigma, log_sigma) = &planes[label as usize];
+            let distance = spread.distance(&points[i]) / sigma;
+            let score = log_share(count) - (distance * distance / 2.0 + log_sigma);
+            if distance.abs() <= REACH && score > best_score {
+                best_score = score;
+                best[0] = label;
+            }
+        }
+    })?;
+    Ok(next)
+}
+
+/// Logarithms of the shares of neighbours that a label counts with.
+struct Shares {
+    most: usize,
+    logs: Vec<f64>,
+}
+
+impl Shares {
+    /// Among up to `most` neighbours.
+    fn new(most: usize) -> Self {
+        let log = |place: usize| {
+            let (of_all, count) = (place / (most + 1), place % (most + 1));
+            (count as f64 / of_all as f64 + SHARE).ln()
+        };
+        Self { most, logs: (0..(most + 1).pow(2)).map(log).collect() }
+    }
+
+    fn log(&self, count: u32, of_all: usize) -> f64 {
+        self.logs[of_all * (self.most + 1) + count as usize]
+    }
+}
+
+/// The labels with each connected part its own, numbered by their first points.
+pub fn components(graph: &Graph, labels: &[i32]) -> Vec<i32> {
+    let mut parent: Vec<u32> = (0..labels.len() as u32).collect();
+    for (i, &label) in labels.iter().enumerate().filter(|(_, label)| **label != NOBODY) {
+        for &other in graph.of(i) {
+            if labels[other as usize] == label {
+                let (a, b) = (root(&mut parent, i as u32), root(&mut parent, other));
+                parent[a.max(b) as usize] = a.min(b);
+            }
+        }
+    }
+    let mut numbers = vec![NOBODY; labels.len()];
+    let mut n = 0;
+    let mut parts = vec![NOBODY; labels.len()];
+    for i in 0..labels.len() {
+        if labels[i] == NOBODY {
+            continue;
+        }
+        let first = root(&mut parent, i as u32) as usize;
+        if numbers[first] == NOBODY {
+            numbers[first] = n;
+            n += 1;
+        }
+        parts[i] = numbers[first];
+    }
+    parts
+}
+
+fn root(parent: &mut [u32], mut i: u32) -> u32 {
+    while parent[i as usize] != i {
+        parent[i as usize] = parent[parent[i as usize] as usize];
+        i = parent[i as usize];
+    }
+    i
+}

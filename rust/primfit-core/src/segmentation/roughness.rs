@@ -1,0 +1,144 @@
+//! How the noise about a plane grows with its extent: not at all when it is white, as a power of it
+//! where neighbouring points err alike, as in depth images, rings of a sensor, clouds of many views.
+
+use super::regions::Region;
+use crate::neighbors::normals::{LocalPlane, MOST as MOST_POINTS};
+use crate::neighbors::{Neighbor, PointTree, Search};
+use crate::spread::{Spread, Sums};
+use crate::{Error, Vector, Workers};
+
+/// Flat neighbourhoods that are asked.
+const MOST: usize = 1024;
+/// How many more points the wider neighbourhood has: four times the extent where there is room.
+const WIDER: usize = 16;
+/// Share of them that must show less growth: wider ones often reach over an edge.
+const QUARTILE: usize = 4;
+/// Power of the extent from which surfaces are rough; chance and faint curves stay below.
+const ROUGH: f64 = 0.1;
+/// Fits of a plane, each to the points within three median distances of the one before.
+const FITS: usize = 3;
+/// Points of a region that tells of its roughness.
+const TELLING: f64 = 60.0;
+/// Second smallest over smallest variance of such a region: layers cut from clutter are thicker.
+const THIN: f64 = 36.0;
+/// Regions that tell a law.
+const FEWEST: usize = 4;
+/// Largest power: beyond it nothing would be flat at any scale.
+const ROUGHEST: f64 = 0.8;
+
+/// Whether neighbouring points err alike.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Surfaces {
+    /// They do not: the noise about a plane is that of its small parts.
+    Smooth,
+    /// They do: large planes are less flat than their parts.
+    Rough,
+}
+
+impl Surfaces {
+    /// Those of a cloud of which every `step`-th point has a local plane: told by the lower
+    /// quartile of the growth of the noise when flat neighbourhoods become wider.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] when the caller does not want to go on.
+    pub fn of(
+        tree: &PointTree,
+        local: &[LocalPlane],
+        step: usize,
+        workers: &Workers,
+    ) -> Result<Self, Error> {
+        let flat: Vec<usize> = (0..local.len()).filter(|&k| local[k].is_flat).collect();
+        let mut growth = vec![0.0; flat.len().min(MOST)];
+        if growth.is_empty() {
+            return Ok(Self::Smooth);
+        }
+        let n_asked = growth.len();
+        let mut sizes: Vec<u32> = flat.iter().map(|&k| local[k].size).collect();
+        let middle = sizes.len() / 2;
+        let size = *sizes.select_nth_unstable(middle).1 as usize;
+        workers.fill(&mut growth, 1, Search::default, |search, k, growth| {
+            let k = flat[k * flat.len() / n_asked];
+            let points = tree.points();
+            let wider = (WIDER * size).min(MOST_POINTS);
+            let window = tree.nearest(&points[k * step], wider, search);
+            let near = median_distance(points, &window[..size.min(window.len())]);
+            let wide = median_distance(points, window);
+            let wider = (window.len() as f64 / size as f64).sqrt();
+            growth[0] = if near > 0.0 { (wide / near).ln() / wider.ln() } else { 0.0 };
+        })?;
+        let (_, quartile, _) = growth.select_nth_unstable_by(n_asked / QUARTILE, f64::total_cmp);
+        Ok(if *quartile > ROUGH { Self::Rough } else { Self::Smooth })
+    }
+}
+
+/// Standard deviation about a plane = level x extent ^ power.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Law {
+    power: f64,
+    level: f64,
+}
+
+impl Law {
+    /// White noise.
+    pub const WHITE: Self = Self { power: 0.0, level: 0.0 };
+
+    /// The law of a cloud: regression of the logarithms over its regions, weighted by the root of
+    /// their points; white when there are too few.
+    pub fn of(regions: &[Region]) -> Self {
+        let telling: Vec<[f64; 3]> = regions
+            .iter()
+            .filter(|region| region.moments.count >= TELLING)
+            .filter_map(|region| {
+                let [thin, middle, _] = region.spread().variances;
+                // Nothing is told by what rounding leaves of exact planes, nor by layers of clutter.
+                (thin > 1e-10 * middle && THIN * thin < middle)
+                    .then(|| [middle.ln() / 2.0, thin.ln() / 2.0, region.moments.count.sqrt()])
+            })
+            .collect();
+        if telling.len() < FEWEST {
+            return Self::WHITE;
+        }
+        let total: f64 = telling.iter().map(|row| row[2]).sum();
+        let mean = |k: usize| telling.iter().map(|row| row[2] * row[k]).sum::<f64>() / total;
+        let (x, y) = (mean(0), mean(1));
+        let product = |k: usize, m: f64| {
+            telling.iter().map(|row| row[2] * (row[0] - x) * (row[k] - m)).sum::<f64>()
+        };
+        let power = (product(1, y) / product(0, x)).min(ROUGHEST);
+        if power.is_nan() || power <= 0.0 {
+            return Self::WHITE;
+        }
+        Self { power, level: (y - power * x).exp() }
+    }
+
+    /// Standard deviation at an `extent`, of a plane that has `sigma` at the extent `own`; where
+    /// noise grows, at least what the law tells, since small flat spots are a matter of luck.
+    pub fn sigma(&self, sigma: f64, own: f64, extent: f64) -> f64 {
+        if self.power == 0.0 || own <= 0.0 {
+            return sigma;
+        }
+        let grown = sigma * (extent / own).max(1.0).powf(self.power);
+        grown.max(self.level * extent.powf(self.power))
+    }
+}
+
+/// Median distance of points to their plane, whatever a few of them do.
+fn median_distance(points: &[Vector], window: &[Neighbor]) -> f64 {
+    let own = || window.iter().map(|n| &points[n.place as usize]);
+    let mut reach = f64::INFINITY;
+    let mut spread: Option<Spread> = None;
+    let mut median = 0.0;
+    for _ in 0..FITS {
+        let mut sums = Sums::new(points[window[0].place as usize]);
+        for point in own().filter(|p| spread.is_none_or(|s| s.distance(p).abs() <= reach)) {
+            sums.add(point);
+        }
+        let next = sums.moments().spread();
+        let mut distances: Vec<f64> = own().map(|point| next.distance(point).abs()).collect();
+        let middle = distances.len() / 2;
+        median = *distances.select_nth_unstable_by(middle, f64::total_cmp).1;
+        (reach, spread) = (3.0 * median, Some(next));
+    }
+    // Three of the points' freedoms went into the plane.
+    median * (window.len() as f64 / (window.len() as f64 - 3.0).max(1.0)).sqrt()
+}

@@ -1,0 +1,111 @@
+//! Planes that are two: cut where two planes explain much more, or where a gap is between them.
+
+use super::gaps::{Cut, gap};
+use super::merging::Freedom;
+use super::regions::{Members, Region};
+use super::roughness::Surfaces;
+use crate::spread::{Moments, Spread, Sums, axes_across, dot};
+use crate::{Vector, Workers};
+use rayon::prelude::{IntoParallelIterator, ParallelIterator};
+
+/// Directions of straight cuts that are tried, and cosine and sine from one to the next.
+const DIRECTIONS: usize = 12;
+const STEP: [f64; 2] = [0.965_925_826_289_068_3, 0.258_819_045_102_520_74];
+/// Places at which each may cut.
+const BINS: usize = 32;
+/// Points of a plane that are looked at.
+const MOST: usize = 4096;
+/// Fewest points on either side.
+const FEWEST: f64 = 10.0;
+
+/// New labels after cutting each region of smooth surfaces that is in two pieces, or that two planes
+/// explain better.
+pub fn split(points: &[Vector], regions: &[Region], labels: &[i32], workers: &Workers) -> Vec<i32> {
+    let freedom = Freedom::of(Surfaces::Smooth, regions);
+    let members = Members::of(labels);
+    let cuts: Vec<Option<Cut>> = workers.install(|| {
+        (0..regions.len())
+            .into_par_iter()
+            .map(|k| {
+                let (places, spread) = (members.get(k), regions[k].spread());
+                gap(points, places, &spread)
+                    .or_else(|| best_cut(points, places, &regions[k], &spread, freedom))
+            })
+            .collect()
+    });
+    let mut labels = labels.to_vec();
+    let mut next = regions.len() as i32;
+    for (k, cut) in cuts.iter().enumerate() {
+        let Some(Cut { along, at }) = cut else { continue };
+        for &place in members.get(k) {
+            if dot(along, &points[place as usize]) > *at {
+                labels[place as usize] = next;
+            }
+        }
+        next += 1;
+    }
+    labels
+}
+
+fn best_cut(
+    points: &[Vector],
+    places: &[u32],
+    region: &Region,
+    spread: &Spread,
+    freedom: Freedom,
+) -> Option<Cut> {
+    if (places.len() as f64) < 2.0 * FEWEST {
+        return None;
+    }
+    let variance = freedom.variance([(region, spread); 2], spread);
+    let count = region.moments.count;
+    let squares = spread.variances[0] * count;
+    if squares / variance - count < freedom.worth([count - FEWEST, FEWEST]) {
+        return None;
+    }
+    let step = places.len().div_ceil(MOST);
+    let some: Vec<&Vector> =
+        places.iter().step_by(step).map(|&place| &points[place as usize]).collect();
+    let scale = count / some.len() as f64;
+    let all = Moments::of(some.iter().copied(), some[0]);
+    let squares = all.spread().variances[0] * all.count;
+    let mut best = None;
+    let mut best_gain = 0.0;
+    let [mut along, mut across] = axes_across(&spread.normal);
+    for _ in 0..DIRECTIONS {
+        let (before, [cos, sin]) = (along, STEP);
+        along = std::array::from_fn(|k| cos * before[k] + sin * across[k]);
+        across = std::array::from_fn(|k| cos * across[k] - sin * before[k]);
+        let places: Vec<f64> = some.iter().map(|point| dot(&along, point)).collect();
+        let low = places.iter().copied().fold(f64::INFINITY, f64::min);
+        let width = (places.iter().copied().fold(f64::NEG_INFINITY, f64::max) - low) / BINS as f64;
+        if width <= 0.0 {
+            continue;
+        }
+        let mut bins = vec![Sums::new(spread.mean); BINS];
+        for (place, point) in places.iter().zip(&some) {
+            bins[(((place - low) / width) as usize).min(BINS - 1)].add(point);
+        }
+        let bins: Vec<Moments> = bins.iter().map(Sums::moments).collect();
+        let mut after = vec![Moments::default(); BINS + 1];
+        for k in (0..BINS).rev() {
+            after[k] = bins[k].joined(&after[k + 1]);
+        }
+        let mut before = Moments::default();
+        for k in 1..BINS {
+            before = before.joined(&bins[k - 1]);
+            let counts = [before.count * scale, after[k].count * scale];
+            if counts[0] < FEWEST || counts[1] < FEWEST {
+                continue;
+            }
+            let of = |moments: &Moments| moments.spread().variances[0] * moments.count;
+            let fall = scale * (squares - of(&before) - of(&after[k]));
+            let gain = fall / variance - freedom.worth(counts);
+            if gain > best_gain {
+                best_gain = gain;
+                best = Some(Cut { along, at: low + k as f64 * width });
+            }
+        }
+    }
+    best
+}
