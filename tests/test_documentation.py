@@ -22,7 +22,9 @@ def blocks(text, language):
     return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.parametrize("name", [m.name for m in pkgutil.walk_packages(primfit.__path__, "primfit.")])
+@pytest.mark.parametrize(
+    "name", [m.name for m in pkgutil.walk_packages(primfit.__path__, "primfit.")]
+)
 def test_examples_in_docstrings(name):
     module = importlib.import_module(name)
     assert doctest.testmod(module).failed == 0

@@ -106,6 +106,47 @@ class TestClouds:
         assert iou(planes.labels, (xy[:, 0] > 0.5).astype(int)).min() > 0.9
 
 
+@pytest.fixture(scope="module")
+def turns():
+    def block(x, y, width, depth, height):
+        return primfit.Prism(
+            np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * [width, depth] + [x, y], height
+        )
+
+    solids = [block(1.4, 1.1, 1.2, 0.8, 0.8), block(5.5, 3.7, 1.0, 0.6, 1.6)]
+    world = primfit.World(solids, arena=primfit.Arena((8, 6), height=3.0))
+    lidar = primfit.Lidar(
+        16, 0.5236, 1800, 2 * np.pi, max_range=100.0, noise=1e-4, mount=(0, 0, 1.2)
+    )
+    scan = primfit.scan(world, np.tile([3.7, 2.8, 0.3], (10, 1)), lidar, rng=1)
+    points = scan.points[scan.is_return]
+    x, y, _ = points.T
+    sides = [x < 0.1, x > 7.9, y < 0.1, y > 5.9]
+    of_arena = scan.solid_index[scan.is_return] == -2
+    return points, np.select([of_arena & side for side in sides], range(4), -1), 28800
+
+
+class TestRows:
+    """Turns of a spinning sensor that stands still: points crowd along each row of its layers."""
+
+    @pytest.mark.parametrize("sigma", [None, 0.01])
+    def test_ten_turns_have_the_planes_of_one(self, turns, sigma):
+        points, truth, n_once = turns
+        once = primfit.detect_planes(points[:n_once], sigma=sigma)
+        planes = primfit.detect_planes(points, sigma=sigma)
+        assert once.settings["stride"] == 1
+        assert 5 <= planes.settings["stride"] <= 20
+        assert len(planes) <= len(once) + 3
+        assert iou(planes.labels, truth).min() > 0.95
+
+    def test_scale_place_and_threads(self, turns):
+        points = turns[0]
+        here = primfit.detect_planes(points, n_jobs=1)
+        there = primfit.detect_planes(100 * points + 5e5, n_jobs=2)
+        assert there.settings["stride"] == here.settings["stride"]
+        assert share_alike(here.labels, there.labels) > 0.99
+
+
 class TestInvariance:
     @pytest.mark.parametrize(
         ("scale", "shift"), [(0.01, 0.0), (100.0, 0.0), (1.0, 5e6), (100.0, 5e6)]

@@ -150,6 +150,7 @@ def detect_planes(
     settings = {
         "threshold": float(np.median(thresholds)) if thresholds else SIGMAS * used,
         "n_neighbors": parts.n_neighbors,
+        "stride": parts.stride,
         "min_points": least,
     }
     return Planes(tuple(planes), frozen(labels), used, frozen(np.array(thresholds)), settings)

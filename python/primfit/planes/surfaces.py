@@ -25,11 +25,14 @@ class FlatParts:
         Noise around each point, given or estimated.
     n_neighbors : int
         Nearest points that a point touches.
+    stride : int
+        One point in so many was enough to find the parts; the others were assigned to them.
     """
 
     labels: Ints
     sigma: Floats
     n_neighbors: int
+    stride: int
 
 
 def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None = None) -> FlatParts:
@@ -56,20 +59,20 @@ def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None =
     distinct, copy_of = np.unique(first, return_inverse=True)
     given = None if sigma is None else sigma[distinct]
     parts = _flat_parts(points[distinct], given, n_jobs)
-    return FlatParts(parts.labels[copy_of], parts.sigma[copy_of], parts.n_neighbors)
+    return FlatParts(parts.labels[copy_of], parts.sigma[copy_of], parts.n_neighbors, parts.stride)
 
 
 def _flat_parts(points: Floats, sigma: Floats | None, n_jobs: int | None) -> FlatParts:
     """The same for points without copies."""
     if len(points) < _FEWEST:
-        return FlatParts(np.full(len(points), -1), np.zeros(len(points)), 0)
+        return FlatParts(np.full(len(points), -1), np.zeros(len(points)), 0, 1)
     tree = _primfit.PointTree(points - points.mean(axis=0))
     given = None if sigma is None else np.ascontiguousarray(sigma[tree.order()])
-    sorted_labels, sorted_noise, n_neighbors = tree.segment(given, n_jobs)
+    sorted_labels, sorted_noise, n_neighbors, stride = tree.segment(given, n_jobs)
     order = tree.order()
     labels, noise = np.empty_like(sorted_labels), np.empty_like(sorted_noise)
     labels[order], noise[order] = sorted_labels, sorted_noise
-    return FlatParts(labels, noise, n_neighbors)
+    return FlatParts(labels, noise, n_neighbors, stride)
 
 
 def _first_copies(points: Floats) -> Ints | None:

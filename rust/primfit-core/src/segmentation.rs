@@ -10,11 +10,12 @@ mod merging;
 mod noise;
 mod regions;
 mod roughness;
+mod rows;
 mod splitting;
 
 use crate::neighbors::PointTree;
 use crate::neighbors::normals::{LocalPlane, THICKEST};
-use crate::{Error, Workers};
+use crate::{Error, Vector, Workers};
 use acceptance::accept;
 use continuation::without_patches;
 use graph::Graph;
@@ -49,6 +50,9 @@ pub struct Segmentation {
     pub sigma: Vec<f64>,
     /// Nearest points that a point touches.
     pub n_nearest: usize,
+    /// One point in so many was enough to find the planes.
+    pub stride: usize,
+    surfaces: Surfaces,
 }
 
 /// Segments the points of a tree; `sigma` is the noise of each in the order of the tree, if known.
@@ -60,11 +64,37 @@ pub fn segment(
     sigma: Option<&[f64]>,
     workers: &Workers,
 ) -> Result<Segmentation, Error> {
-    let points = tree.points();
-    if points.len() < FEWEST {
-        let sigma = sigma.map_or_else(|| vec![0.0; points.len()], <[f64]>::to_vec);
-        return Ok(Segmentation { labels: vec![NOBODY; points.len()], sigma, n_nearest: 0 });
+    if tree.points().len() < FEWEST {
+        let n = tree.points().len();
+        let sigma = sigma.map_or_else(|| vec![0.0; n], <[f64]>::to_vec);
+        let labels = vec![NOBODY; n];
+        return Ok(Segmentation {
+            labels,
+            sigma,
+            n_nearest: 0,
+            stride: 1,
+            surfaces: Surfaces::Smooth,
+        });
     }
+    let stride = rows::stride(tree);
+    if stride == 1 {
+        return segment_evenly(tree, sigma, workers);
+    }
+    let points: Vec<Vector> = tree.points().iter().copied().step_by(stride).collect();
+    let some = PointTree::new(&points);
+    let own = |sigma: &[f64]| some.rows().iter().map(|&row| sigma[row as usize * stride]).collect();
+    let own_sigma: Option<Vec<f64>> = sigma.map(own);
+    let found = segment_evenly(&some, own_sigma.as_deref(), workers)?;
+    rows::told(tree, sigma, &some, &Segmentation { stride, ..found }, workers)
+}
+
+/// The same for at least `FEWEST` points about as dense in all directions along the surface.
+fn segment_evenly(
+    tree: &PointTree,
+    sigma: Option<&[f64]>,
+    workers: &Workers,
+) -> Result<Segmentation, Error> {
+    let points = tree.points();
     let step = points.len().div_ceil(MOST_LOCAL).min(MOST_STEP);
     let mut local = tree.local_planes(sigma, step, workers)?;
     let n_nearest = (median_size(&local) / 2).clamp(NEAREST.0, NEAREST.1);
@@ -102,7 +132,7 @@ pub fn segment(
     let known =
         |i: usize| if noise[i].is_nan() { local[i / step].sigma } else { f64::from(noise[i]) };
     let sigma = (0..points.len()).map(known).collect();
-    Ok(Segmentation { labels, sigma, n_nearest })
+    Ok(Segmentation { labels, sigma, n_nearest, stride: 1, surfaces })
 }
 
 fn median_size(local: &[LocalPlane]) -> usize {

@@ -8,7 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 type Neighbors<'py> = (Bound<'py, PyArray2<i64>>, Bound<'py, PyArray2<f64>>);
-type Segments<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<f64>>, usize);
+type Segments<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<f64>>, usize, usize);
 type LocalPlanes<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<f64>>,
@@ -101,7 +101,7 @@ impl PointTree {
     }
 
     /// The plane of each point in the order of the tree, -1 for none; the noise around each; the
-    /// number of nearest points that a point touches.
+    /// number of nearest points that a point touches; one in how many points was enough.
     #[pyo3(signature = (sigma=None, n_jobs=None))]
     fn segment<'py>(
         &self,
@@ -116,6 +116,6 @@ impl PointTree {
         let found =
             door::enter(py, n_jobs, |workers| primfit_core::segment(&self.0, sigma, workers))?;
         let labels: Vec<i64> = found.labels.into_iter().map(i64::from).collect();
-        Ok((labels.into_pyarray(py), found.sigma.into_pyarray(py), found.n_nearest))
+        Ok((labels.into_pyarray(py), found.sigma.into_pyarray(py), found.n_nearest, found.stride))
     }
 }

@@ -42,7 +42,8 @@ impl Graph {
         let n_groups = points.len().div_ceil(AT_ONCE);
         let mut groups = Vec::with_capacity(n_groups);
         let mut starts = Vec::with_capacity(points.len() + n_groups);
-        let mut places = Vec::new();
+        // More than there will be; what is not written takes no memory.
+        let mut places = Vec::with_capacity(points.len() * width);
         let mut table = Vec::new();
         for first in (0..points.len()).step_by(AT_ONCE) {
             table.clear();
@@ -64,6 +65,7 @@ impl Graph {
             }
             starts.push((places.len() - group) as u32);
         }
+        places.shrink_to_fit();
         Ok(Self { n_nearest, groups, starts, places })
     }
 

@@ -104,11 +104,8 @@ pub fn fit(points: &[Vector], noise: &[f32], labels: &[i32], workers: &Workers) 
     })
 }
 
-/// One sweep of competition: each point takes the best label among its neighbours', or none.
-///
-/// The score is the logarithm of the likelihood of its distance, plus that of the share of
-/// neighbours with the label (an auto-logistic prior); without a plane, a point may be anywhere
-/// within its neighbourhood. All points look at the old labels.
+/// One sweep of competition: each point takes the best label among its neighbours', or none. All
+/// points look at the old labels.
 ///
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
@@ -120,21 +117,53 @@ pub fn compete(
     surfaces: Surfaces,
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
-    let planes: Vec<(Spread, f64, f64)> = regions
-        .iter()
-        .map(|region| {
-            let spread = region.spread();
-            let sigma = region.sigma(&spread, surfaces);
-            (spread, sigma, (sigma * std::f64::consts::TAU.sqrt()).ln())
-        })
-        .collect();
-    let shares = Shares::new(graph.most());
+    let competition = Competition::new(regions, surfaces, graph.most());
     let mut next = vec![NOBODY; labels.len()];
-    workers.fill(&mut next, 1, Vec::new, |counts: &mut Vec<(i32, u32)>, i, best| {
+    workers.fill(&mut next, 1, Vec::new, |counts, i, best| {
+        let labels = graph.of(i).iter().map(|&other| labels[other as usize]);
+        best[0] = competition.best(&points[i], labels, || graph.reach(i, points), counts);
+    })?;
+    Ok(next)
+}
+
+/// Planes that compete for points.
+///
+/// The score is the logarithm of the likelihood of a point's distance, plus that of the share of
+/// its neighbours with the label (an auto-logistic prior); without a plane, a point may be anywhere
+/// within its neighbourhood.
+pub struct Competition {
+    /// Each plane with its standard deviation, and the logarithm of its normal density's inverse peak.
+    planes: Vec<(Spread, f64, f64)>,
+    shares: Shares,
+}
+
+impl Competition {
+    /// Of planes for points with up to `most` neighbours.
+    pub fn new(regions: &[Region], surfaces: Surfaces, most: usize) -> Self {
+        let planes = regions
+            .iter()
+            .map(|region| {
+                let spread = region.spread();
+                let sigma = region.sigma(&spread, surfaces);
+                (spread, sigma, (sigma * std::f64::consts::TAU.sqrt()).ln())
+            })
+            .collect();
+        Self { planes, shares: Shares::new(most) }
+    }
+
+    /// The best label for a point among those of its neighbours, or [`NOBODY`]; `reach` is how far
+    /// away they are.
+    #[inline]
+    pub fn best(
+        &self,
+        point: &Vector,
+        neighbors: impl ExactSizeIterator<Item = i32>,
+        reach: impl FnOnce() -> f64,
+        counts: &mut Vec<(i32, u32)>,
+    ) -> i32 {
+        let n_neighbors = neighbors.len();
         counts.clear();
-        let neighbors = graph.of(i);
-        for &other in neighbors {
-            let label = labels[other as usize];
+        for label in neighbors {
             match counts.iter_mut().find(|entry| entry.0 == label) {
                 Some(entry) => entry.1 += 1,
                 None => counts.push((label, 1)),
@@ -142,24 +171,24 @@ pub fn compete(
         }
         counts.sort_unstable();
         let nobody = match *counts.as_slice() {
-            [(NOBODY, _)] => return,
+            [(NOBODY, _)] => return NOBODY,
             [(NOBODY, count), ..] => count,
             _ => 0,
         };
-        let log_share = |count| shares.log(count, neighbors.len());
-        let room = 2.0 * graph.reach(i, points);
-        let mut best_score = log_share(nobody) - room.ln();
+        let log_share = |count| self.shares.log(count, n_neighbors);
+        let mut best = NOBODY;
+        let mut best_score = log_share(nobody) - (2.0 * reach()).ln();
         for &(label, count) in counts.iter().filter(|entry| entry.0 != NOBODY) {
-            let (spread, sigma, log_sigma) = &planes[label as usize];
-            let distance = spread.distance(&points[i]) / sigma;
+            let (spread, sigma, log_sigma) = &self.planes[label as usize];
+            let distance = spread.distance(point) / sigma;
             let score = log_share(count) - (distance * distance / 2.0 + log_sigma);
             if distance.abs() <= REACH && score > best_score {
                 best_score = score;
-                best[0] = label;
+                best = label;
             }
         }
-    })?;
-    Ok(next)
+        best
+    }
 }
 
 /// Logarithms of the shares of neighbours that a label counts with.

@@ -1,0 +1,141 @@
+//! Points in rows: scans of one place lie so close along each row that no neighbourhood reaches the
+//! next one, and every row spans planes of its own. Fewer points tell the surface better.
+
+use super::Segmentation;
+use super::growth::NOBODY;
+use super::regions::{self, Competition};
+use crate::neighbors::{PointTree, Search};
+use crate::{Error, Workers};
+
+/// Points that are asked for their neighbours.
+const SAMPLES: usize = 128;
+/// The smallest neighbourhood that is looked at, the largest, and sizes while they double.
+const SIZES: (usize, usize) = (4, 8192);
+const STEPS: usize = 2;
+/// Neighbourhood that shows a surface when it is this large and reaches the next row.
+const ENOUGH: usize = 32;
+/// Dimension of what grows along a row, at most, and of what just reaches the next rows, at least.
+const ROW: f64 = 1.75;
+const REACHES: f64 = 2.2;
+
+/// One in how many points is enough, so that a neighbourhood of `ENOUGH` reaches the next row.
+///
+/// The number of points in a ball grows with a power of its radius, by which a surface has about
+/// two dimensions and a row one. Where balls reach the next rows it grows faster than either: the
+/// first such peak after a row tells how many points a row has between two rows.
+pub fn stride(tree: &PointTree) -> usize {
+    let mut is_row = false;
+    let (mut size, mut peak) = (0, REACHES);
+    for (larger, dimension) in dimensions(tree) {
+        is_row |= dimension <= ROW;
+        if is_row && dimension >= peak {
+            (size, peak) = (larger, dimension);
+        } else if size > 0 {
+            break;
+        }
+    }
+    ((size + ENOUGH / 2) / ENOUGH).max(1)
+}
+
+/// Median dimension of neighbourhoods from half to double each size.
+fn dimensions(tree: &PointTree) -> Vec<(usize, f64)> {
+    let points = tree.points();
+    let most = SIZES.1.min(points.len() / 4);
+    // Every second one is 1.5 times the one before, instead of the root of 2.
+    let sizes: Vec<usize> = std::iter::successors(Some(SIZES.0), |size| Some(2 * size))
+        .flat_map(|size| [size, size + size / 2])
+        .take_while(|&size| size <= most)
+        .collect();
+    let mut search = Search::default();
+    let mut radii = vec![Vec::new(); sizes.len()];
+    for point in points.iter().step_by(points.len().div_ceil(SAMPLES)) {
+        let found = tree.nearest(point, most, &mut search);
+        for (radii, size) in radii.iter_mut().zip(&sizes) {
+            radii.push(found[size - 1].squared);
+        }
+    }
+    let from_half_to_double = radii.windows(2 * STEPS + 1).zip(sizes.iter().skip(STEPS));
+    from_half_to_double
+        .map(|(radii, &size)| {
+            // Of squared radii, for four times as many points.
+            let (half, double) = (&radii[0], &radii[radii.len() - 1]);
+            let mut growth: Vec<f64> = half.iter().zip(double).map(|(a, b)| b / a).collect();
+            let middle = growth.len() / 2;
+            let median = *growth.select_nth_unstable_by(middle, f64::total_cmp).1;
+            (size, 16.0_f64.ln() / median.ln())
+        })
+        .collect()
+}
+
+/// Labels and noise of all points of a tree, from those of one in `stride` of them, which are the
+/// points of `some`: the others compete for the planes of the nearest.
+///
+/// # Errors
+/// [`Error::Stopped`] when the caller does not want to go on.
+pub fn told(
+    tree: &PointTree,
+    sigma: Option<&[f64]>,
+    some: &PointTree,
+    found: &Segmentation,
+    workers: &Workers,
+) -> Result<Segmentation, Error> {
+    let noise: Vec<f32> = found.sigma.iter().map(|&sigma| sigma as f32).collect();
+    let planes = regions::fit(some.points(), &noise, &found.labels, workers);
+    let competition = Competition::new(&planes, found.surfaces, found.n_nearest);
+    let points = tree.points();
+    let mut all = vec![(NOBODY, 0.0); points.len()];
+    let scratch = || (Search::default(), Vec::new());
+    workers.fill(&mut all, 1, scratch, |(search, counts), i, told| {
+        let near = some.nearest(&points[i], found.n_nearest, search);
+        let reach = near[near.len() - 1].squared.sqrt();
+        let labels = near.iter().map(|neighbor| found.labels[neighbor.place as usize]);
+        let label = competition.best(&points[i], labels, || reach, counts);
+        told[0] = (label, found.sigma[near[0].place as usize]);
+    })?;
+    let (labels, noise) = all.into_iter().unzip();
+    let sigma = sigma.map_or(noise, <[f64]>::to_vec);
+    Ok(Segmentation { labels, sigma, ..*found })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Vector;
+
+    /// Rows a distance of 1 apart, with points a step apart that err across the plane.
+    fn stride_of_rows(step: f64) -> usize {
+        let n = (40.0 / step) as usize;
+        let points: Vec<Vector> = (0..40 * n)
+            .map(|i| {
+                let error = 0.05 * (1e4 * (i as f64).sin()).fract();
+                [(i % n) as f64 * step, (i / n) as f64 + 0.1 * error, error]
+            })
+            .collect();
+        stride(&PointTree::new(&points))
+    }
+
+    #[test]
+    fn a_surface_needs_all_points() {
+        assert_eq!(stride_of_rows(1.0), 1);
+        assert_eq!(stride_of_rows(0.3), 1);
+        let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+        let scattered: Vec<Vector> = (0..4000)
+            .map(|i| [f64::from(i) / 4000.0, (f64::from(i) * golden).fract(), 0.0])
+            .collect();
+        assert_eq!(stride(&PointTree::new(&scattered)), 1);
+    }
+
+    #[test]
+    fn rows_need_as_many_as_reach_the_next_one() {
+        // A ball that just reaches the next rows holds about two gaps of its own row.
+        let strides = [0.02, 0.005].map(stride_of_rows);
+        assert!((2..=8).contains(&strides[0]), "{strides:?}");
+        assert!((8..=32).contains(&strides[1]), "{strides:?}");
+    }
+
+    #[test]
+    fn one_row_is_no_surface() {
+        let row: Vec<Vector> = (0..4000).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        assert_eq!(stride(&PointTree::new(&row)), 1);
+    }
+}
