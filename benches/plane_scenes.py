@@ -153,6 +153,38 @@ def mixed(seed: int, n: int = 100_000) -> Scene:
     return Scene(f"mixed, seed {seed}", points, truth, 0.008)
 
 
+def turns(n: int, seed: int) -> Scene:
+    """Turns of a sensor with 16 layers that stands still in a room of 8 x 6 x 3 m, 10 mm of noise."""
+    rng = np.random.default_rng(seed)
+    blocks = [
+        primfit.Prism.regular(4, side, center=place, angle=angle, height=height)
+        for place, side, angle, height in zip(
+            [(1.5, 1.5), (6.5, 1.5), (1.5, 4.5), (6.5, 4.5), (4.0, 5.0)],
+            rng.uniform(0.6, 1.4, 5),
+            rng.uniform(0, np.pi, 5),
+            rng.uniform(0.5, 2.5, 5),
+            strict=True,
+        )
+    ]
+    world = primfit.World(blocks, arena=primfit.Arena((8.0, 6.0), height=3.0))
+    lidar = primfit.Lidar(
+        16, np.radians(30), 1800, 2 * np.pi, max_range=100.0, noise=1e-4, mount=(0, 0, 1.2)
+    )
+    place = [*rng.uniform([3.5, 2.5], [4.5, 3.5]), rng.uniform(0, np.pi)]
+    scan = primfit.scan(world, np.tile(place, (n, 1)), lidar, rng=rng)
+    vertices, triangles, solids = world.to_mesh()
+    corners = vertices[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    planes = np.column_stack([normals, (normals * corners[:, 0]).sum(axis=1), solids])
+    face = np.unique(np.round(planes, 6), axis=0, return_inverse=True)[1].ravel()
+    hit = primfit.RayCaster((vertices, triangles)).cast(scan.origins, scan.directions)[1]
+    is_seen = scan.is_return & (hit >= 0)
+    truth = face[hit[is_seen]]
+    truth[np.bincount(truth)[truth] < 50 * n] = -1
+    return Scene(f"{n} turns, seed {seed}", scan.points[is_seen], truth, 0.01)
+
+
 def roofs(data: Path) -> list[Scene]:
     scenes = []
     for name in ("Pyramid_roof_1054136", "Two-sided_hip_roof_17234"):
@@ -236,6 +268,9 @@ GENERATED: dict[str, tuple[Callable[[int], Scene], tuple[int, ...]]] = {
     "polyhedra": (polyhedra, (1,)),
     "building": (building, (1,)),
     "mixed": (mixed, (1,)),
+    "turn": (lambda seed: turns(1, seed), (1, 2, 3)),
+    "turns5": (lambda seed: turns(5, seed), (1, 2, 3)),
+    "turns30": (lambda seed: turns(30, seed), (1, 2, 3)),
 }
 """How a scene is made from a seed, and the seeds that are used if none are given."""
 

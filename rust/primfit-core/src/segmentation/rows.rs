@@ -14,27 +14,23 @@ const SIZES: (usize, usize) = (4, 8192);
 const STEPS: usize = 2;
 /// Neighbourhood that shows a surface when it is this large and reaches the next row.
 const ENOUGH: usize = 32;
-/// Dimension of what grows along a row, at most, and of what just reaches the next rows, at least.
-const ROW: f64 = 1.75;
-const REACHES: f64 = 2.2;
+/// Dimension of a surface, at least, and by what factor it rises, at least, while neighbourhoods
+/// that reach the next rows double.
+const SURFACE: f64 = 1.9;
+const RISE: f64 = 1.3;
 
 /// One in how many points is enough, so that a neighbourhood of `ENOUGH` reaches the next row.
 ///
 /// The number of points in a ball grows with a power of its radius, by which a surface has about
-/// two dimensions and a row one. Where balls reach the next rows it grows faster than either: the
-/// first such peak after a row tells how many points a row has between two rows.
+/// two dimensions and a row one. The last size at which it rises from the one to the other tells
+/// how many points a row has between two rows: smaller balls may fill up with the noise of a row.
 pub fn stride(tree: &PointTree) -> usize {
-    let mut is_row = false;
-    let (mut size, mut peak) = (0, REACHES);
-    for (larger, dimension) in dimensions(tree) {
-        is_row |= dimension <= ROW;
-        if is_row && dimension >= peak {
-            (size, peak) = (larger, dimension);
-        } else if size > 0 {
-            break;
-        }
-    }
-    ((size + ENOUGH / 2) / ENOUGH).max(1)
+    let dimensions = dimensions(tree);
+    let mut doubled = dimensions.iter().zip(dimensions.iter().skip(STEPS));
+    let reaching = doubled
+        .rfind(|((_, half), (_, own))| *own >= SURFACE && *own >= RISE * half)
+        .map_or(0, |(_, (size, _))| *size);
+    ((reaching + ENOUGH / 2) / ENOUGH).max(1)
 }
 
 /// Median dimension of neighbourhoods from half to double each size.
