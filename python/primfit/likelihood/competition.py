@@ -38,7 +38,7 @@ _SHARES = (0.75, 0.95)
 """Areas of guesses, as shares of the seed's, which is never too small."""
 
 _SHORTLIST = 5
-"""Kinds that are fitted, of all that are guessed."""
+"""Kinds that are fitted well after a rough fit."""
 
 _RIVALS = 15.0
 """Log-evidence that a kind may lack against the best to stay in the competition."""
@@ -123,11 +123,8 @@ def first_guesses(
     seed: Seed,
     top: float,
     shares: tuple[float, ...] = _SHARES,
-) -> tuple[list[Floats], float]:
-    """The best of a grid of angles and sizes about a seed and the best at another angle; a cost.
-
-    The cost is that of the best.
-    """
+) -> list[Floats]:
+    """The best of a grid of angles and sizes about a seed, and the best at another angle."""
     n_turns = int(np.ceil(template.period / _TURNS))
     guesses = np.array(
         [
@@ -138,16 +135,17 @@ def first_guesses(
         ]
     )
     costs = beams.costs(template.footprints(guesses), np.full(len(guesses), top))
-    best, least = guesses[int(np.argmin(costs))], float(costs.min())
+    best = guesses[int(np.argmin(costs))]
     turn = (guesses[:, 2] - best[2] + template.period / 2) % template.period - template.period / 2
     costs[np.abs(turn) < template.period / 5] = np.inf
-    return [best, guesses[int(np.argmin(costs))]], least
+    return [best, guesses[int(np.argmin(costs))]]
 
 
 def sketch(scene: Scene, i: int, seed: Seed) -> Body:
     """All kinds fitted roughly to the beams around a seed, which is obstacle i of the scene."""
     beams, top, rough = _around(scene, i, seed, seed.outline)
-    fits = _sorted_within(scene, seed, _rough_fits(rough, seed, top.z, {}))
+    fits = [_rough_fit(rough, template, seed, top.z) for template in TEMPLATES]
+    fits = _sorted_within(scene, seed, fits)
     return as_body(fits, find_top(beams, fits[0].footprint), seed)
 
 
@@ -156,7 +154,13 @@ def compete(scene: Scene, i: int, body: Body) -> Body:
     seed = body.seed
     beams, top, rough = _around(scene, i, seed, body.footprint)
     known = {each.fit.shape: each.fit.parameters for each in body.contenders}
-    fits = _sorted_within(scene, seed, _rough_fits(rough, seed, top.z, known))
+    fits = [
+        climb(rough, template, known[template], top.z, steps=_STEPS)
+        if template in known
+        else _rough_fit(rough, template, seed, top.z)
+        for template in TEMPLATES
+    ]
+    fits = _sorted_within(scene, seed, fits)[:_SHORTLIST]
     size = float(np.sqrt(seed.area))
     fits = [approach(beams, fit.shape, fit.parameters, top.z, size) for fit in fits]
     fits = _sorted_within(scene, seed, fits)
@@ -164,22 +168,10 @@ def compete(scene: Scene, i: int, body: Body) -> Body:
     return as_body(fits, find_top(beams, fits[0].footprint), seed)
 
 
-def _rough_fits(beams: Beams, seed: Seed, top: float, known: dict[Shape, Floats]) -> list[Fit]:
-    """The kinds that come nearest at a guess, or with known parameters, fitted roughly."""
-    guessed: list[tuple[float, Template, list[Floats]]] = []
-    for template in TEMPLATES:
-        if template in known:
-            guesses = [known[template]]
-            cost = float(beams.costs(template.footprints(guesses[0][None]), np.array([top]))[0])
-        else:
-            guesses, cost = first_guesses(beams, template, seed, top)
-        guessed.append((cost, template, guesses))
-    guessed.sort(key=lambda each: each[0])
-    fits = [
-        [climb(beams, template, guess, top, steps=_STEPS) for guess in guesses]
-        for _, template, guesses in guessed[:_SHORTLIST]
-    ]
-    return [min(climbs, key=lambda fit: fit.cost) for climbs in fits]
+def _rough_fit(beams: Beams, template: Template, seed: Seed, top: float) -> Fit:
+    guesses = first_guesses(beams, template, seed, top)
+    climbs = [climb(beams, template, guess, top, steps=_STEPS) for guess in guesses]
+    return min(climbs, key=lambda fit: fit.cost)
 
 
 def _around(scene: Scene, i: int, seed: Seed, footprint: Floats) -> tuple[Beams, Top, Beams]:
