@@ -100,7 +100,9 @@ class Planes:
     thresholds : (k,) float64, metres
         Distance within which each plane takes points.
     settings : dict
-        What the search used.
+        What the search used: "threshold", metres, the median of the thresholds; "n_neighbors" that
+        a point touches; "min_points" of a plane; "stride", one point in how many was enough to find
+        the planes (1 but for clouds whose points crowd along rows).
     """
 
     planes: tuple[Plane, ...]
