@@ -5,7 +5,8 @@ use super::Segmentation;
 use super::growth::NOBODY;
 use super::regions::{self, Competition};
 use crate::neighbors::{PointTree, Search};
-use crate::{Error, Workers};
+use crate::spread::Moments;
+use crate::{Error, Vector, Workers};
 
 /// Points that are asked for their neighbours.
 const SAMPLES: usize = 128;
@@ -18,6 +19,11 @@ const ENOUGH: usize = 32;
 /// that reach the next rows double.
 const SURFACE: f64 = 1.9;
 const RISE: f64 = 1.3;
+/// Neighbourhoods so many times smaller lie within a row, so many times larger reach over some.
+const WITHIN: usize = 4;
+/// Width of a row, at most, in the thickness of what it lies on, or in the reach over some rows.
+const THIN: f64 = 2.0;
+const NARROW: f64 = 0.03;
 
 /// One in how many points is enough, so that a neighbourhood of `ENOUGH` reaches the next row.
 ///
@@ -30,13 +36,37 @@ pub fn stride(tree: &PointTree) -> usize {
     let reaching = doubled
         .rfind(|((_, half), (_, own))| *own >= SURFACE && *own >= RISE * half)
         .map_or(0, |(_, (size, _))| *size);
-    ((reaching + ENOUGH / 2) / ENOUGH).max(1)
+    let stride = (reaching + ENOUGH / 2) / ENOUGH;
+    if stride > 1 && are_thin(tree, reaching) { stride } else { 1 }
+}
+
+/// Whether most rows are no wider than what they lie on is thick, or much less than the way to the
+/// next: slats with gaps between them are wider, and surfaces themselves.
+fn are_thin(tree: &PointTree, reaching: usize) -> bool {
+    let mut search = Search::default();
+    let mut spread = |point: &Vector, size| {
+        let near = tree.nearest(point, size, &mut search);
+        let last = near[near.len() - 1].squared.sqrt();
+        let own = near.iter().map(|neighbor| &tree.points()[neighbor.place as usize]);
+        (Moments::of(own, point).spread().variances.map(f64::sqrt), last)
+    };
+    let (mut n, mut n_thin) = (0, 0);
+    for point in samples(tree) {
+        let ([_, width, _], _) = spread(point, reaching / WITHIN);
+        let ([thickness, ..], reach) = spread(point, WITHIN * reaching);
+        n += 1;
+        n_thin += usize::from(width <= (THIN * thickness).max(NARROW * reach));
+    }
+    2 * n_thin > n
+}
+
+fn samples(tree: &PointTree) -> impl Iterator<Item = &Vector> {
+    tree.points().iter().step_by(tree.points().len().div_ceil(SAMPLES))
 }
 
 /// Median dimension of neighbourhoods from half to double each size.
 fn dimensions(tree: &PointTree) -> Vec<(usize, f64)> {
-    let points = tree.points();
-    let most = SIZES.1.min(points.len() / 4);
+    let most = SIZES.1.min(tree.points().len() / 4);
     // Every second one is 1.5 times the one before, instead of the root of 2.
     let sizes: Vec<usize> = std::iter::successors(Some(SIZES.0), |size| Some(2 * size))
         .flat_map(|size| [size, size + size / 2])
@@ -44,7 +74,7 @@ fn dimensions(tree: &PointTree) -> Vec<(usize, f64)> {
         .collect();
     let mut search = Search::default();
     let mut radii = vec![Vec::new(); sizes.len()];
-    for point in points.iter().step_by(points.len().div_ceil(SAMPLES)) {
+    for point in samples(tree) {
         let found = tree.nearest(point, most, &mut search);
         for (radii, size) in radii.iter_mut().zip(&sizes) {
             radii.push(found[size - 1].squared);
@@ -96,7 +126,6 @@ pub fn told(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Vector;
 
     /// Rows a distance of 1 apart, with points a step apart that err across the plane.
     fn stride_of_rows(step: f64) -> usize {
@@ -127,6 +156,18 @@ mod tests {
         let strides = [0.02, 0.005].map(stride_of_rows);
         assert!((2..=8).contains(&strides[0]), "{strides:?}");
         assert!((8..=32).contains(&strides[1]), "{strides:?}");
+    }
+
+    #[test]
+    fn slats_are_surfaces() {
+        let slats: Vec<Vector> = (0..20_000)
+            .map(|i| {
+                let across =
+                    0.05 * (1e4 * f64::from(i).sin()).fract().abs() + 0.1 * f64::from(i % 10);
+                [across, f64::from(i) / 10_000.0, 0.001 * (1e4 * f64::from(i).cos()).fract()]
+            })
+            .collect();
+        assert_eq!(stride(&PointTree::new(&slats)), 1);
     }
 
     #[test]
