@@ -143,6 +143,7 @@ class TestRows:
         points = turns[0]
         here = primfit.detect_planes(points, n_jobs=1)
         there = primfit.detect_planes(100 * points + 5e5, n_jobs=2)
+        np.testing.assert_array_equal(primfit.detect_planes(points, n_jobs=2).labels, here.labels)
         assert there.settings["stride"] == here.settings["stride"]
         assert share_alike(here.labels, there.labels) > 0.99
 
