@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.spatial import KDTree
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from primfit import _primfit
 from primfit._check import Floats
@@ -92,4 +92,4 @@ def estimate_range_sigma(scan: Scan, rng: np.random.Generator) -> float:
     if not len(sizes):
         return float(np.ptp(scan.ranges[returns])) * FLOOR
     # Half of all normal deviates are below their 0.75 quantile, and 1 + 4 + 1 variances add up.
-    return float(np.median(sizes) / (norm.ppf(0.75) * np.sqrt(6.0)))
+    return float(np.median(sizes) / (ndtri(0.75) * np.sqrt(6.0)))
