@@ -60,8 +60,11 @@ fn are_thin(tree: &PointTree, reaching: usize) -> bool {
     2 * n_thin > n
 }
 
+/// Some points, none of them where the tree was halved: there it has the outermost points of its
+/// parts, which are those between surfaces.
 fn samples(tree: &PointTree) -> impl Iterator<Item = &Vector> {
-    tree.points().iter().step_by(tree.points().len().div_ceil(SAMPLES))
+    let step = tree.points().len().div_ceil(SAMPLES);
+    tree.points().iter().skip(step / 3).step_by(step)
 }
 
 /// Median dimension of neighbourhoods from half to double each size.
@@ -168,6 +171,22 @@ mod tests {
             })
             .collect();
         assert_eq!(stride(&PointTree::new(&slats)), 1);
+    }
+
+    #[test]
+    fn samples_are_not_outermost() {
+        let per_cluster = 160;
+        let points: Vec<Vector> = (0..SAMPLES)
+            .flat_map(|cluster| {
+                let start = 10.0 * cluster as f64;
+                let stray = [start - 5.0, 0.0, 0.0];
+                let own = (1..per_cluster).map(move |i| [start + 0.01 * f64::from(i), 0.0, 0.0]);
+                std::iter::once(stray).chain(own)
+            })
+            .collect();
+        let tree = PointTree::new(&points);
+        let strays = samples(&tree).filter(|point| point[0].rem_euclid(10.0) == 5.0);
+        assert!(strays.count() <= 3);
     }
 
     #[test]
