@@ -20,6 +20,7 @@ pub struct Graph {
     /// Where, within them, those of each point start, and where those of the last one end.
     starts: Vec<u32>,
     places: Vec<u32>,
+    log_rooms: Vec<f64>,
 }
 
 impl Graph {
@@ -66,7 +67,18 @@ impl Graph {
             starts.push((places.len() - group) as u32);
         }
         places.shrink_to_fit();
-        Ok(Self { n_nearest, groups, starts, places })
+        let mut graph = Self { n_nearest, groups, starts, places, log_rooms: Vec::new() };
+        let mut log_rooms = vec![0.0; points.len()];
+        workers.fill(
+            &mut log_rooms,
+            1,
+            || (),
+            |(), place, log_room| {
+                log_room[0] = (2.0 * graph.reach(place, points)).ln();
+            },
+        )?;
+        graph.log_rooms = log_rooms;
+        Ok(graph)
     }
 
     /// Neighbours of a point; the nearest first.
@@ -79,6 +91,11 @@ impl Graph {
     /// Most neighbours that a point may have.
     pub fn most(&self) -> usize {
         self.n_nearest + BRIDGES
+    }
+
+    /// Logarithm of how wide the neighbourhood of a point is: twice its reach.
+    pub fn log_room(&self, place: usize) -> f64 {
+        self.log_rooms[place]
     }
 
     /// Distance from a point to the last of its nearest.

@@ -121,7 +121,7 @@ pub fn compete(
     let mut next = vec![NOBODY; labels.len()];
     workers.fill(&mut next, 1, Vec::new, |counts, i, best| {
         let labels = graph.of(i).iter().map(|&other| labels[other as usize]);
-        best[0] = competition.best(&points[i], labels, || graph.reach(i, points), counts);
+        best[0] = competition.best(&points[i], labels, || graph.log_room(i), counts);
     })?;
     Ok(next)
 }
@@ -151,25 +151,18 @@ impl Competition {
         Self { planes, shares: Shares::new(most) }
     }
 
-    /// The best label for a point among those of its neighbours, or [`NOBODY`]; `reach` is how far
-    /// away they are.
+    /// The best label for a point among those of its neighbours, or [`NOBODY`]; `log_room` is the
+    /// logarithm of how wide its neighbourhood is.
     #[inline]
     pub fn best(
         &self,
         point: &Vector,
         neighbors: impl ExactSizeIterator<Item = i32>,
-        reach: impl FnOnce() -> f64,
+        log_room: impl FnOnce() -> f64,
         counts: &mut Vec<(i32, u32)>,
     ) -> i32 {
         let n_neighbors = neighbors.len();
-        counts.clear();
-        for label in neighbors {
-            match counts.iter_mut().find(|entry| entry.0 == label) {
-                Some(entry) => entry.1 += 1,
-                None => counts.push((label, 1)),
-            }
-        }
-        counts.sort_unstable();
+        count(neighbors, counts);
         let nobody = match *counts.as_slice() {
             [(NOBODY, _)] => return NOBODY,
             [(NOBODY, count), ..] => count,
@@ -177,7 +170,7 @@ impl Competition {
         };
         let log_share = |count| self.shares.log(count, n_neighbors);
         let mut best = NOBODY;
-        let mut best_score = log_share(nobody) - (2.0 * reach()).ln();
+        let mut best_score = log_share(nobody) - log_room();
         for &(label, count) in counts.iter().filter(|entry| entry.0 != NOBODY) {
             let (spread, sigma, log_sigma) = &self.planes[label as usize];
             let distance = spread.distance(point) / sigma;
@@ -189,6 +182,29 @@ impl Competition {
         }
         best
     }
+}
+
+/// How often each label comes, by rising label.
+#[inline]
+fn count(labels: impl Iterator<Item = i32>, counts: &mut Vec<(i32, u32)>) {
+    counts.clear();
+    // Most labels are the one before again.
+    let mut last = (NOBODY, 0);
+    let mut add = |(label, n): (i32, u32)| match counts.iter_mut().find(|entry| entry.0 == label) {
+        Some(entry) => entry.1 += n,
+        None => counts.push((label, n)),
+    };
+    for label in labels {
+        if label != last.0 {
+            if last.1 > 0 {
+                add(last);
+            }
+            last = (label, 0);
+        }
+        last.1 += 1;
+    }
+    add(last);
+    counts.sort_unstable();
 }
 
 /// Logarithms of the shares of neighbours that a label counts with.

@@ -116,9 +116,9 @@ pub fn told(
     let scratch = || (Search::default(), Vec::new());
     workers.fill(&mut all, 1, scratch, |(search, counts), i, told| {
         let near = some.nearest(&points[i], found.n_nearest, search);
-        let reach = near[near.len() - 1].squared.sqrt();
+        let log_room = || (2.0 * near[near.len() - 1].squared.sqrt()).ln();
         let labels = near.iter().map(|neighbor| found.labels[neighbor.place as usize]);
-        let label = competition.best(&points[i], labels, || reach, counts);
+        let label = competition.best(&points[i], labels, log_room, counts);
         told[0] = (label, found.sigma[near[0].place as usize]);
     })?;
     let (labels, noise) = all.into_iter().unzip();
