@@ -48,6 +48,27 @@ class BeamBlocks:
         slack: float = 0.0,
         top_slack: float = 0.0,
     ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]: ...
+    def climb(
+        self,
+        family: Family,
+        start: NDArray[np.float64],
+        bottom: float,
+        top: float,
+        weight: float,
+        n_steps: int,
+    ) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]: ...
+
+@final
+class Family:
+    @staticmethod
+    def template(axes: NDArray[np.float64], slimmest: float) -> Family: ...
+    @staticmethod
+    def polygon(n_corners: int) -> Family: ...
+    def footprints(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def frame(
+        self, parameters: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def is_proper(self, parameters: NDArray[np.float64]) -> NDArray[np.bool_]: ...
 
 @final
 class RayCaster:

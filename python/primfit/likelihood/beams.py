@@ -95,12 +95,12 @@ class Beams:
         corners, heights = np.ascontiguousarray(footprints), np.ascontiguousarray(tops)
         return self.stride * self._core.costs(corners, np.full(n, self.base), heights, self.n_jobs)
 
-    def expand(self, footprint: Floats, top: float) -> tuple[float, Floats, Floats]:
-        """Cost of a prism, with gradient (2m,) and information (2m, 2m) of its corners."""
-        cost, gradient, information, _ = self._core.expand(
-            np.ascontiguousarray(footprint), self.base, top
-        )
-        return self.stride * cost, self.stride * gradient, self.stride * information
+    def climb(
+        self, family: _primfit.Family, start: Floats, top: float, steps: int
+    ) -> tuple[Floats, float, Floats]:
+        """Parameters (d,) of least cost near a start, their cost and covariance (d, d)."""
+        first = np.ascontiguousarray(start)
+        return self._core.climb(family, first, self.base, top, self.stride, steps)
 
     def wall_depths(self, footprint: Floats) -> Floats:
         """How far each beam first meets the walls over a footprint, however high they are."""

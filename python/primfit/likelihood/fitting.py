@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from primfit._check import Floats
 from primfit.likelihood.beams import Beams, Local
@@ -22,13 +21,6 @@ _BLUR = 0.05
 
 _SHARPENING = 3.0
 """By how much the standard deviation falls from one climb to the next."""
-
-_LEAST_GAIN = 0.1
-"""Log-likelihood that a step must promise to be worth taking."""
-
-_LEAST_TOLD = 1e-5
-"""Least information that a combination of parameters is taken to have, as a share of that of each:
-the sums over the beams are in single precision."""
 
 _MARGIN, _ROOM = 6.0, 4.5
 """Standard deviations of the corners: those that a local likelihood admits at first, and those
@@ -97,42 +89,8 @@ class Top:
 
 def climb(beams: Beams, shape: Shape, start: Floats, top: float, *, steps: int = 12) -> Fit:
     """Damped Gauss-Newton steps to the least cost, with the beams associated anew at each."""
-    parameters, damping = start, 1e-3
-    cost, gradient, information = _expand(beams, shape, parameters, top)
-    for _ in range(steps):
-        damped = information.copy()
-        diagonal = np.einsum("ii->i", damped)
-        diagonal += damping * (diagonal + 1e-12 * diagonal.sum() + 1e-300)
-        _, descent, is_singular = dposv(damped, gradient)
-        if 0.5 * float(descent @ gradient) < _LEAST_GAIN and not is_singular:
-            break
-        moved = parameters - descent
-        if not is_singular and shape.is_proper(moved[None])[0]:
-            better = _expand(beams, shape, moved, top)
-            if better[0] < cost:
-                parameters, damping = moved, damping / 10.0
-                cost, gradient, information = better
-                continue
-        damping *= 10.0
-    extent = np.ptp(shape.frame(parameters)[0], axis=0).max()
-    return Fit(shape, parameters, _inverse(information, extent), cost)
-
-
-def _inverse(information: Floats, widest: float) -> Floats:
-    """Inverse of an information matrix; where the beams tell nothing, as wide as `widest`."""
-    scale = np.sqrt(np.maximum(np.diag(information), 0.0) + widest**-2)
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    root = vectors / np.sqrt(np.maximum(values, _LEAST_TOLD)) / scale[:, None]
-    inverse: Floats = root @ root.T
-    return inverse
-
-
-def _expand(
-    beams: Beams, shape: Shape, parameters: Floats, top: float
-) -> tuple[float, Floats, Floats]:
-    footprint, jacobian = shape.frame(parameters)
-    cost, gradient, information = beams.expand(footprint, top)
-    return cost, jacobian.T @ gradient, jacobian.T @ information @ jacobian
+    parameters, cost, covariance = beams.climb(shape.family, start, top, steps)
+    return Fit(shape, parameters, covariance, cost)
 
 
 def approach(beams: Beams, shape: Shape, start: Floats, top: float, size: float) -> Fit:

@@ -7,14 +7,14 @@ more entries behind these, which a shape does not look at.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import cos, sin
-from typing import Protocol
+from functools import cached_property
 
 import numpy as np
-import shapely
 
+from primfit import _primfit
 from primfit._check import Bools, Floats
 from primfit.geometry import footprints
 from primfit.geometry.footprints import regular_name
@@ -31,39 +31,45 @@ _NEARLY = 1.3
 """Sides of a rectangle that is nearly a square, the one over the other, at the most."""
 
 
-class Shape(Protocol):
+class Shape(ABC):
     """What a footprint may be."""
 
-    @property
-    def kind(self) -> str:
-        """Its class name."""
-        ...
+    kind: str
+    """Its class name."""
 
     @property
+    @abstractmethod
+    def family(self) -> _primfit.Family:
+        """What turns parameters into corners."""
+
+    @property
+    @abstractmethod
     def n_parameters(self) -> int:
         """How many parameters it looks at."""
-        ...
+
+    @abstractmethod
+    def log_prior(self, scale: float) -> float:
+        """Logarithm of the density of parameters beforehand, with sizes up to `scale`, metres."""
 
     def footprints(self, parameters: Floats) -> Floats:
         """Corners (n, m, 2) for parameters (n, n_parameters or more)."""
-        ...
+        return self.family.footprints(np.ascontiguousarray(parameters))
 
     def frame(self, parameters: Floats) -> tuple[Floats, Floats]:
         """Corners (m, 2) for one set of parameters, and how they change with each (2m, d)."""
-        ...
+        return self.family.frame(np.ascontiguousarray(parameters))
 
     def is_proper(self, parameters: Floats) -> Bools:
         """Which parameters (n, d) are of this kind."""
-        ...
-
-    def log_prior(self, scale: float) -> float:
-        """Logarithm of the density of parameters beforehand, with sizes up to `scale`, metres."""
-        ...
+        return self.family.is_proper(np.ascontiguousarray(parameters))
 
 
 @dataclass(frozen=True, eq=False)
-class Template:
-    """A kind of footprint with one or two sizes.
+class Template(Shape):
+    """A kind of footprint with one or two sizes, which are positive.
+
+    A star whose notches are shallower than `slimmest` is no star. Either side of a rectangle may be
+    the longer one, lest nearly square ones cannot move.
 
     Attributes
     ----------
@@ -87,38 +93,16 @@ class Template:
     sizes_of_area: Callable[[float], list[tuple[float, ...]]]
     slimmest: float = 1.0
 
+    @cached_property
+    def family(self) -> _primfit.Family:
+        """What turns parameters into corners."""
+        axes = self.axes.view(np.float64).reshape(*self.axes.shape, 2)
+        return _primfit.Family.template(axes, self.slimmest)
+
     @property
     def n_parameters(self) -> int:
         """x, y, angle and the sizes."""
         return 3 + self.n_sizes
-
-    def footprints(self, parameters: Floats) -> Floats:
-        """Corners (n, m, 2) for parameters (n, n_parameters or more)."""
-        x, y, angle = parameters[:, :3].T
-        sizes = parameters[:, 3 : 3 + self.n_sizes]
-        corners = (sizes @ self.axes.view(np.float64)).view(np.complex128)
-        corners = corners * np.exp(1j * angle)[:, None] + (x + 1j * y)[:, None]
-        return corners.view(np.float64).reshape(*corners.shape, 2)
-
-    def frame(self, parameters: Floats) -> tuple[Floats, Floats]:
-        """Corners (m, 2) for one set of parameters, and how they change with each (2m, d)."""
-        x, y, angle, *sizes = parameters[: self.n_parameters].tolist()
-        rows = np.empty((self.n_parameters, self.axes.shape[1]), dtype=np.complex128)
-        rows[0], rows[1] = 1.0, 1.0j
-        rows[3:] = self.axes * complex(cos(angle), sin(angle))
-        arms = sizes @ rows[3:]
-        rows[2] = arms * 1j
-        corners = arms + complex(x, y)
-        return corners.view(np.float64).reshape(-1, 2), rows.view(np.float64).T
-
-    def is_proper(self, parameters: Floats) -> Bools:
-        """Which parameters (n, d) are of this kind: positive sizes.
-
-        A star whose notches are shallower than `slimmest` is no star. Either side of a rectangle
-        may be the longer one, lest nearly square ones cannot move.
-        """
-        sizes = parameters[:, 3 : 3 + self.n_sizes]
-        return (sizes > 0.0).all(axis=1) & (sizes[:, -1] <= self.slimmest * sizes[:, 0])
 
     def log_prior(self, scale: float) -> float:
         """Uniform in place, angle and sizes."""
@@ -126,28 +110,21 @@ class Template:
 
 
 @dataclass(frozen=True)
-class FreePolygon:
-    """Any simple polygon: its parameters are the x and y of its corners."""
+class FreePolygon(Shape):
+    """Any polygon that does not touch itself: its parameters are the x and y of its corners."""
 
     n_corners: int
     kind: str = "polygon"
+
+    @cached_property
+    def family(self) -> _primfit.Family:
+        """What turns parameters into corners."""
+        return _primfit.Family.polygon(self.n_corners)
 
     @property
     def n_parameters(self) -> int:
         """Two a corner."""
         return 2 * self.n_corners
-
-    def footprints(self, parameters: Floats) -> Floats:
-        """Corners (n, m, 2) for parameters (n, n_parameters or more)."""
-        return parameters[:, : self.n_parameters].reshape(-1, self.n_corners, 2)
-
-    def frame(self, parameters: Floats) -> tuple[Floats, Floats]:
-        """Corners (m, 2) for one set of parameters, and how they change with each (2m, d)."""
-        return self.footprints(parameters[None])[0], np.eye(self.n_parameters)
-
-    def is_proper(self, parameters: Floats) -> Bools:
-        """Which parameters (n, d) are polygons that do not cross themselves."""
-        return shapely.is_valid(shapely.polygons(self.footprints(parameters)))
 
     def log_prior(self, scale: float) -> float:
         """Uniform in the place of each corner; any of them may be the first."""

@@ -2,11 +2,15 @@
 
 mod beams;
 mod carving;
+mod climbing;
 mod expansion;
+mod family;
 
 pub use beams::{BeamBlocks, Beams, Candidate, Prices};
 pub use carving::{Grid, carve};
+pub use climbing::{Climb, Slope};
 pub use expansion::{Expansion, expand};
+pub use family::Family;
 
 use crate::instructions::widest;
 use crate::lanes::{Isa, Lanes};

@@ -11,6 +11,7 @@ mod caster;
 mod clustering;
 mod crossings;
 mod door;
+mod family;
 mod likelihood;
 mod neighbors;
 mod planes;
@@ -25,6 +26,8 @@ mod _primfit {
     use crate::clustering::dbscan;
     #[pymodule_export]
     use crate::crossings::{passages, residuals};
+    #[pymodule_export]
+    use crate::family::Family;
     #[pymodule_export]
     use crate::likelihood::{BeamBlocks, carve};
     #[pymodule_export]

@@ -2,17 +2,20 @@
 
 use crate::arrays::{rows, same_length};
 use crate::door;
+use crate::family::Family;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
 };
-use primfit_core::{Beams, Candidate, Grid, Prices};
+use primfit_core::{Beams, Candidate, Grid, Prices, Slope};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 /// Cost, gradient, information and open beams of an expansion.
 type Expansion<'py> =
     (f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>);
+/// Parameters, cost and covariance at the end of a climb.
+type Climb<'py> = (Bound<'py, PyArray1<f64>>, f64, Bound<'py, PyArray2<f64>>);
 type Counts<'py> = (Bound<'py, PyArray3<u32>>, Bound<'py, PyArray3<u32>>);
 
 /// Beams ready for the costs of many prisms.
@@ -115,6 +118,27 @@ impl BeamBlocks {
             found.information.into_pyarray(py).reshape([n, n])?,
             open.into_pyarray(py),
         ))
+    }
+
+    // What the prism is, where it stands, and how far to go.
+    #[allow(clippy::too_many_arguments)]
+    fn climb<'py>(
+        &self,
+        py: Python<'py>,
+        family: &Family,
+        start: PyReadonlyArray1<f64>,
+        bottom: f64,
+        top: f64,
+        weight: f64,
+        n_steps: usize,
+    ) -> PyResult<Climb<'py>> {
+        let (family, start) = (family.core(), start.as_slice()?);
+        let n = family.n_parameters();
+        same_length("start", start.len(), "parameters", n)?;
+        let slope = Slope { beams: &self.0, family, bottom, top, weight };
+        let end = py.detach(|| slope.climb(start, n_steps));
+        let covariance = end.covariance.into_pyarray(py).reshape([n, n])?;
+        Ok((end.parameters.into_pyarray(py), end.cost, covariance))
     }
 }
 
