@@ -41,9 +41,14 @@ class Noise:
     lost: float = _RARE
 
     @cached_property
+    def typical_sigma(self) -> float:
+        """Median of the beams', metres."""
+        return float(np.median(self.sigma))
+
+    @cached_property
     def outlier_price(self) -> float:
         """Most that a return costs: there an outlier is as likely as the noise."""
-        peak = float(np.median(self.sigma)) * np.sqrt(2 * np.pi) / self.reach
+        peak = self.typical_sigma * np.sqrt(2 * np.pi) / self.reach
         return max(float(-np.log(max(self.outliers, _RARE) * peak)), 5.0)
 
     @property

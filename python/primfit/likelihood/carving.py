@@ -132,18 +132,17 @@ class Carving:
         """Cells (nx, ny) within walls (m, 2), a little away from them; all where there are none."""
         if room is None:
             return np.ones_like(self.is_free)
-        inner = shapely.Polygon(room).buffer(-2.5 * self.cell)
-        centers = self.centers()
-        return shapely.contains_xy(inner, centers[..., 0], centers[..., 1])
+        return self._within(shapely.Polygon(room).buffer(-2.5 * self.cell))
 
     def covered(self, seeds: list[Seed]) -> Bools:
         """Cells (nx, ny) that seeds cover, and a little around them."""
         outlines = [shapely.Polygon(seed.outline).buffer(2.0 * self.cell) for seed in seeds]
-        covered = np.zeros_like(self.is_free)
+        return self._within(shapely.union_all(outlines))
+
+    def _within(self, place: shapely.Geometry) -> Bools:
+        shapely.prepare(place)
         centers = self.centers()
-        for outline in outlines:
-            covered |= shapely.contains_xy(outline, centers[..., 0], centers[..., 1])
-        return covered
+        return shapely.contains_xy(place, centers[..., 0], centers[..., 1])
 
     def seeds(self, within: Bools) -> list[Seed]:
         """Connected pieces that are crossed but not free, without tiny or hardly crossed ones."""

@@ -117,7 +117,7 @@ def detect_likelihood(
     # Seeds: what is left of the space around the sensor, within the room.
     mount = scene.middle - base
     layers = [(base + low * mount, base + high * mount) for low, high in _LAYERS]
-    if np.median(sigmas) > _BLURRED * mount:
+    if scene.noise.typical_sigma > _BLURRED * mount:
         layers.pop()
     room: Fit | None = None
     seeds: list[Seed] = []
@@ -133,7 +133,7 @@ def detect_likelihood(
         seeds += [
             seed
             for seed in carving.seeds(within)
-            if seed.area > (_SLIVER * np.median(sigmas)) ** 2 and seed.radius < reach / 2
+            if seed.area > (_SLIVER * scene.noise.typical_sigma) ** 2 and seed.radius < reach / 2
         ]
 
     # Bodies: the best kind for each seed, while the others stand as they are known by then.

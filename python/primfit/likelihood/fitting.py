@@ -99,9 +99,8 @@ def approach(beams: Beams, shape: Shape, start: Floats, top: float, size: float)
     Beams are taken as less exact than they are at first, lest those that are far from the guess
     count as outliers.
     """
-    sigma = float(np.median(beams.noise.sigma))
     parameters, blur = start, _BLUR * size
-    while blur > sigma:
+    while blur > beams.noise.typical_sigma:
         parameters = climb(beams.thinned(4, blur), shape, parameters, top, steps=6).parameters
         blur /= _SHARPENING
     return climb(beams, shape, parameters, top)

@@ -86,9 +86,10 @@ class Scene:
         self.n_jobs = n_jobs
         self.room: Obstacle | None = None
         self.obstacles: list[Obstacle] = []
+        self._some_lines: dict[int, tuple[Floats, ...]] = {}
 
     @cached_property
-    def _level_lines(self) -> tuple[Floats, Floats, Floats, Floats]:
+    def _level_lines(self) -> tuple[Floats, ...]:
         """Level lines of the beams: their ways (n, 2), start along and across (n,), slope (n,).
 
         The slope is the way that a beam makes along its line in a metre.
@@ -99,6 +100,13 @@ class Scene:
         x, y = ways.T
         start_x, start_y = self.scan.origins[:, :2].T
         return ways, start_x * x + start_y * y, start_x * y - start_y * x, level
+
+    def _level_lines_of(self, stride: int) -> tuple[Floats, ...]:
+        """Those of one beam in `stride`."""
+        if stride not in self._some_lines:
+            some = tuple(np.ascontiguousarray(line[::stride]) for line in self._level_lines)
+            self._some_lines[stride] = some
+        return self._some_lines[stride]
 
     def background(
         self, without: int | None = None, rows: Any = slice(None), *, floor: bool = True
@@ -229,7 +237,7 @@ class Scene:
 
     def rows_near(self, center: Floats, radius: float, stride: int = 1) -> Ints:
         """Beams, one in `stride`, whose level lines come within `radius` of a place, in reach."""
-        ways, start, across, level = (line[::stride] for line in self._level_lines)
+        ways, start, across, level = self._level_lines_of(stride)
         rows = np.flatnonzero(np.abs(ways @ _across(center) - across) < radius)
         along = _some(ways, rows) @ center - start[rows]
         reaches = (along > -radius) & (along - radius < self.noise.reach * level[rows])
