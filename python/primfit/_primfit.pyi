@@ -127,9 +127,9 @@ def carve(
     low: Sequence[float],
     cell: float,
     shape: Sequence[int],
-    levels: Sequence[float],
+    heights: Sequence[float],
     n_jobs: int | None = None,
-) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]: ...
+) -> NDArray[np.uint32]: ...
 def dbscan(points: NDArray[np.float64], eps: float, min_samples: int) -> NDArray[np.int64]: ...
 def fit_plane(
     points: NDArray[np.float64], weights: NDArray[np.float64], normal_space: NDArray[np.float64]

@@ -235,7 +235,7 @@ def carve(
     low = scan.origins[:, :2].min(axis=0) - reach
     shape = np.ceil((scan.origins[:, :2].max(axis=0) + reach - low) / cell).astype(int) + 1
     certain = np.where(np.isfinite(scan.ranges), scan.ranges - _CLEAR * sigma, reach)
-    crossed, passed = _primfit.carve(
+    counts = _primfit.carve(
         scan.origins,
         scan.directions,
         certain,
@@ -246,4 +246,4 @@ def carve(
         [bottom, top],
         n_jobs,
     )
-    return Carving(low, cell, crossed[0], passed[0])
+    return Carving(low, cell, *np.moveaxis(counts, -1, 0))

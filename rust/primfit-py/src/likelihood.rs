@@ -16,7 +16,6 @@ type Expansion<'py> =
     (f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>);
 /// Parameters, cost and covariance at the end of a climb.
 type Climb<'py> = (Bound<'py, PyArray1<f64>>, f64, Bound<'py, PyArray2<f64>>);
-type Counts<'py> = (Bound<'py, PyArray3<u32>>, Bound<'py, PyArray3<u32>>);
 
 /// Beams ready for the costs of many prisms.
 #[pyclass(frozen, module = "primfit._primfit")]
@@ -157,7 +156,7 @@ fn at_least_three(n_corners: usize) -> PyResult<()> {
 
 #[pyfunction]
 #[pyo3(signature = (
-    origins, directions, certain, reach, low, cell, shape, levels, n_jobs=None,
+    origins, directions, certain, reach, low, cell, shape, heights, n_jobs=None,
 ))]
 // One array a property of beams and grid.
 #[allow(clippy::too_many_arguments)]
@@ -170,22 +169,19 @@ pub fn carve<'py>(
     low: [f64; 2],
     cell: f64,
     shape: [usize; 2],
-    levels: Vec<f64>,
+    heights: [f64; 2],
     n_jobs: Option<usize>,
-) -> PyResult<Counts<'py>> {
+) -> PyResult<Bound<'py, PyArray3<u32>>> {
     let (origins, directions) = (rows("origins", &origins)?, rows("directions", &directions)?);
     let certain = certain.as_slice()?;
     same_length("directions", directions.len(), "origins", origins.len())?;
     same_length("certain", certain.len(), "origins", origins.len())?;
-    let n_layers = levels.len().saturating_sub(1);
-    let n_cells = shape[0].checked_mul(shape[1]).and_then(|n| n.checked_mul(n_layers));
-    if n_layers == 0 || n_cells.is_none_or(|n| n > u32::MAX as usize) {
-        return Err(PyValueError::new_err("the grid must have a layer and at most 2**32 cells"));
+    if shape[0].checked_mul(shape[1]).is_none_or(|n| n > u32::MAX as usize) {
+        return Err(PyValueError::new_err("the grid must have at most 2**32 cells"));
     }
-    let grid = Grid { low, cell, shape, levels: &levels };
-    let (crossed, passed) = door::enter(py, n_jobs, |workers| {
+    let grid = Grid { low, cell, shape, heights };
+    let counts = door::enter(py, n_jobs, |workers| {
         primfit_core::carve(origins, directions, certain, reach, grid, workers)
     })?;
-    let dims = [n_layers, shape[0], shape[1]];
-    Ok((crossed.into_pyarray(py).reshape(dims)?, passed.into_pyarray(py).reshape(dims)?))
+    counts.into_flattened().into_pyarray(py).reshape([shape[0], shape[1], 2])
 }
