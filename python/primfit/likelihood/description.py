@@ -48,8 +48,9 @@ def describe(
     def add_walls(part: int, fit: Fit, side: float) -> list[int]:
         """Numbers of the walls that returns explain."""
         numbers = []
+        own = np.flatnonzero(explained & (parts == part))
         for face in range(len(fit.footprint)):
-            rows = np.flatnonzero(explained & (parts == part) & (faces == face))
+            rows = own[faces[own] == face]
             if len(rows) >= _SEEN:
                 top = float(at[rows, 2].max())
                 wall = _wall(fit, face, scene.base, top, side)
@@ -60,9 +61,9 @@ def describe(
     for part, body in enumerate(bodies):
         mine = add_walls(part, body.contenders[0].fit, 1.0)
         m = len(body.footprint)
-        n_hits = np.bincount(faces[hits & (parts == part)], minlength=m + 2)
-        seen = tuple(bool(n >= _SEEN) for n in n_hits)
-        highest = float(at[hits & (parts == part), 2].max(initial=scene.base))
+        own = np.flatnonzero(hits & (parts == part))
+        seen = tuple(bool(n >= _SEEN) for n in np.bincount(faces[own], minlength=m + 2))
+        highest = float(at[own, 2].max(initial=scene.base))
         solids.append(_solid(body, scene.base, base_sigma, highest, tuple(mine), seen))
     arena = None
     if room is not None:

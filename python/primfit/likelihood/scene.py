@@ -50,18 +50,15 @@ class Obstacle:
         return float(np.linalg.norm(self.footprint - self.center, axis=1).max())
 
     @cached_property
-    def _unit(self) -> tuple[Floats, Ints, Ints]:
+    def unit(self) -> tuple[Floats, Ints, Ints]:
+        """Vertices (2m, 3), triangles (t, 3) and the face of each, from z = 0 up to 1.
+
+        The faces are the walls in order, then top (m) and bottom.
+        """
         vertices = prism_vertices(self.footprint, 0.0, 1.0)
         m = len(self.footprint)
         faces = np.concatenate([np.tile(np.arange(m), 2), np.repeat([m + 1, m], m - 2)])
         return vertices, prism_triangles(self.footprint), faces
-
-    def mesh(self, base: float) -> tuple[Floats, Ints, Ints]:
-        """Vertices (2m, 3), triangles (t, 3) and the face of each: walls, top (m), bottom."""
-        unit, triangles, faces = self._unit
-        vertices = unit.copy()
-        vertices[:, 2] = base + (self.top - base) * unit[:, 2]
-        return vertices, triangles, faces
 
 
 class Scene:
@@ -126,33 +123,40 @@ class Scene:
 
     def _cast(self, without: int | None, rows: Any, floor: bool) -> tuple[Floats, Ints, Ints]:
         """Range and triangle for some beams, and part and face (t, 2) of each triangle."""
-        reach = self.noise.reach
-        solids = [
-            (i, each)
-            for i, each in enumerate(self.obstacles)
-            if i != without and each.top > self.base
-        ]
+        bodies = [*enumerate(self.obstacles)]
         if self.room is not None:
-            solids.append((len(self.obstacles), self.room))
-        meshes, surfaces = [], []
-        for part, solid in solids:
-            vertices, triangles, faces = solid.mesh(self.base)
-            meshes.append((vertices, triangles))
-            surfaces.append(np.column_stack([np.full(len(faces), part), faces]))
-        if floor or not meshes:
-            low, high = self._extent[0] - 10 * reach, self._extent[1] + 10 * reach
-            z = self.base if floor else self.base - 100 * reach
-            corners = [[*low, z], [high[0], low[1], z], [*high, z], [low[0], high[1], z]]
-            meshes.append((np.array(corners), np.array([[0, 1, 2], [0, 2, 3]])))
-            surfaces.append(np.array([[FLOOR, 0], [FLOOR, 0]]))
-        first = np.cumsum([0, *(len(vertices) for vertices, _ in meshes[:-1])])
+            bodies.append((len(self.obstacles), self.room))
+        pieces = [
+            (part, body.top, body.unit)
+            for part, body in bodies
+            if part != without and body.top > self.base
+        ]
+        if floor or not pieces:
+            depth = 0.0 if floor else 100.0 * self.noise.reach
+            pieces.append((FLOOR, self.base - depth, self._plate))
+        parts, tops, units = zip(*pieces, strict=True)
+        sizes = [len(vertices) for vertices, _, _ in units]
+        vertices = np.concatenate([vertices for vertices, _, _ in units])
+        vertices[:, 2] = self.base + (np.repeat(tops, sizes) - self.base) * vertices[:, 2]
+        first = np.cumsum([0, *sizes[:-1]])
+        faces = np.concatenate([each for _, _, each in units])
         mesh = (
-            np.concatenate([vertices for vertices, _ in meshes]),
-            np.concatenate([rows + i for (_, rows), i in zip(meshes, first, strict=True)]),
+            vertices,
+            np.concatenate([rows + i for (_, rows, _), i in zip(units, first, strict=True)]),
         )
+        n_faces = [len(each) for _, _, each in units]
+        surfaces = np.column_stack([np.repeat(parts, n_faces), faces])
         beams = _some(self.scan.origins, rows), _some(self.scan.directions, rows)
         ranges, triangles = RayCaster(mesh).cast(*beams, self.n_jobs)
-        return ranges, triangles, np.concatenate(surfaces)
+        return ranges, triangles, surfaces
+
+    @cached_property
+    def _plate(self) -> tuple[Floats, Ints, Ints]:
+        """A floor at z = 1, like `Obstacle.unit`."""
+        beyond = 10 * self.noise.reach
+        low, high = self._extent[0] - beyond, self._extent[1] + beyond
+        corners = [[*low, 1.0], [high[0], low[1], 1.0], [*high, 1.0], [low[0], high[1], 1.0]]
+        return np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]), np.zeros(2, dtype=np.int64)
 
     @cached_property
     def _extent(self) -> tuple[Floats, Floats]:
