@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.stats import chi2
 
 import primfit
@@ -241,6 +243,62 @@ def test_a_polygon_is_proper_when_it_does_not_cross_itself():
     np.testing.assert_array_equal(FreePolygon(4).is_proper(np.stack([square, bow])), [True, False])
 
 
+@given(st.lists(st.tuples(*[st.integers(0, 6)] * 2), min_size=3, max_size=8, unique=True))
+def test_polygons_are_proper_when_geos_says_so(corners):
+    """On a coarse grid, where sides often touch or lie on one line."""
+    outline = np.array(corners, dtype=float)
+    proper = FreePolygon(len(corners)).is_proper(outline.reshape(1, -1))[0]
+    assert proper == shapely.is_valid(shapely.Polygon(outline))
+
+
+def climbed_slowly(beams, shape, start, top, steps):
+    """Parameters, cost and covariance as `climb` should find them."""
+
+    def expanded(parameters):
+        corners, changes = shape.frame(parameters)
+        cost, gradient, information, _ = beams._core.expand(corners, beams.base, top)
+        scale = beams.stride
+        return scale * cost, scale * changes.T @ gradient, scale * changes.T @ information @ changes
+
+    parameters, damping = start, 1e-3
+    cost, gradient, information = expanded(parameters)
+    for _ in range(steps):
+        diagonal = np.diag(information)
+        damped = information + np.diag(damping * (diagonal + 1e-12 * diagonal.sum()))
+        descent = np.linalg.solve(damped, gradient)
+        if descent @ gradient / 2 < 0.1:
+            break
+        moved = parameters - descent
+        if shape.is_proper(moved[None])[0] and (there := expanded(moved))[0] < cost:
+            parameters, damping = moved, damping / 10
+            cost, gradient, information = there
+        else:
+            damping *= 10
+    return parameters, cost, np.linalg.inv(information)
+
+
+@pytest.mark.parametrize(
+    ("shape", "start"),
+    [
+        (RECTANGLE, [0.51, 0.49, 0.45, 0.31, 0.19]),
+        (STARS[5], [0.5, 0.51, 0.3, 0.16, 0.1]),
+        (FreePolygon(4), [0.38, 0.36, 0.66, 0.47, 0.61, 0.64, 0.33, 0.54]),
+    ],
+)
+def test_climbs_end_where_a_slow_twin_does(shape, start):
+    solid = primfit.Prism.rectangle(0.3, 0.2, center=(0.5, 0.5), angle=0.4)
+    _, beams = scene_of(solid, 0.01)
+    few = beams.thinned(2, 0.02)
+    fit = climb(few, shape, np.array(start), 0.2, steps=7)
+    parameters, cost, covariance = climbed_slowly(few, shape, np.array(start), 0.2, 7)
+    np.testing.assert_allclose(fit.parameters, parameters, rtol=1e-6)
+    assert fit.cost == pytest.approx(cost)
+    scale = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(
+        fit.covariance / np.outer(scale, scale), covariance / np.outer(scale, scale), atol=1e-4
+    )
+
+
 def test_climbing_reaches_exact_corners_from_a_guess():
     solid = primfit.Prism.rectangle(0.3, 0.2, center=(0.5, 0.5), angle=0.4)
     _, beams = scene_of(solid, 0.0)
@@ -371,11 +429,11 @@ def test_a_bare_cloud_is_refused_by_name_and_has_its_own_default(small_scan):
 
 
 def test_obstacles_have_a_face_for_every_triangle():
-    vertices, triangles, faces = Obstacle(np.array([[0.0, 0], [1, 0], [0, 1]]), 0.5).mesh(0.1)
+    vertices, triangles, faces = Obstacle(np.array([[0.0, 0], [1, 0], [0, 1]]), 0.5).unit
     assert len(triangles) == len(faces)
-    np.testing.assert_allclose([vertices[:, 2].min(), vertices[:, 2].max()], [0.1, 0.5])
+    np.testing.assert_allclose([vertices[:, 2].min(), vertices[:, 2].max()], [0.0, 1.0])
     top = triangles[faces == 3]
-    np.testing.assert_allclose(vertices[top, 2], 0.5)
+    np.testing.assert_allclose(vertices[top, 2], 1.0)
 
 
 @pytest.mark.parametrize(

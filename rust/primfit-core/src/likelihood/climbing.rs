@@ -10,8 +10,6 @@ const LEAST_GAIN: f64 = 0.1;
 /// Least information that a combination of parameters is taken to have, as a share of that of each:
 /// the sums over the beams are in single precision.
 const LEAST_TOLD: f64 = 1e-5;
-/// Rounds in which eigenvalues of finite matrices are found.
-const MOST_ROUNDS: usize = 1000;
 
 /// Where a climb ended.
 pub struct Climb {
@@ -108,14 +106,16 @@ fn extent(corners: impl Iterator<Item = [f64; 2]>) -> f64 {
     (high[0] - low[0]).max(high[1] - low[1])
 }
 
-/// Inverse of an information matrix; where the beams tell nothing, as wide as `widest`.
+/// Inverse of an information matrix; where the beams tell nothing, or nothing finite, as wide as
+/// `widest`.
 fn inverse(information: &DMatrix<f64>, widest: f64) -> DMatrix<f64> {
     let n = information.nrows();
     let scale = information.diagonal().map(|x| (x.max(0.0) + widest.powi(-2)).sqrt());
     let scaled = DMatrix::from_fn(n, n, |i, j| information[(i, j)] / (scale[i] * scale[j]));
-    let Some(eigen) = SymmetricEigen::try_new(scaled, f64::EPSILON, MOST_ROUNDS) else {
+    if !scaled.iter().all(|x| x.is_finite()) {
         return DMatrix::from_diagonal_element(n, n, widest * widest);
-    };
+    }
+    let eigen = SymmetricEigen::new(scaled);
     let mut root = eigen.eigenvectors;
     for (mut column, value) in root.column_iter_mut().zip(&eigen.eigenvalues) {
         column /= value.max(LEAST_TOLD).sqrt();

@@ -92,14 +92,14 @@ fn turned([x, y]: [f64; 2], (sin, cos): (f64, f64)) -> [f64; 2] {
     [x * cos - y * sin, x * sin + y * cos]
 }
 
-/// Whether no two sides of a polygon touch but neighbours at their common corner.
+/// Whether all sides have a length, and no two touch but neighbours at their common corner.
 fn is_simple(corners: &[[f64; 2]]) -> bool {
     let m = corners.len();
     let side = |i: usize| [corners[i], corners[(i + 1) % m]];
     (0..m).all(|i| {
         let [a, b] = side(i);
         let [_, c] = side((i + 1) % m);
-        let folds_back = turn(a, b, c) == 0.0 && along(a, b, b, c) < 0.0;
+        let folds_back = turn(a, b, c) == 0.0 && along(a, b, b, c) <= 0.0;
         let others = (i + 2..m).filter(|&j| (j + 1) % m != i);
         !folds_back && others.map(side).all(|other| are_apart([a, b], other))
     })
@@ -136,6 +136,7 @@ mod tests {
         assert!(!is_simple(&[square[0], square[2], square[1], square[3]]));
         let spike = [[0.0, 0.0], [2.0, 0.0], [1.0, 0.0], [1.0, 1.0]];
         assert!(!is_simple(&spike));
+        assert!(!is_simple(&[[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]));
         let touching = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 0.0], [0.0, 1.0]];
         assert!(!is_simple(&touching));
     }
