@@ -139,6 +139,20 @@ class TestRows:
         assert len(planes) <= len(once) + 3
         assert iou(planes.labels, truth).min() > 0.95
 
+    def test_beams_measured_again_and_again_have_the_planes_of_one_turn(self):
+        """Layers as close as columns: points crowd at each beam, not along rows."""
+        block = primfit.Prism.regular(4, 1.0, center=(1.5, 1.5), height=1.0)
+        world = primfit.World([block], primfit.Arena((5, 4), height=2.5))
+        lidar = primfit.Lidar(
+            48, 0.8, 380, 2 * np.pi, max_range=100.0, noise=1e-4, mount=(0, 0, 1.2)
+        )
+        scan = primfit.scan(world, np.tile([3.5, 2.0, 0.3], (10, 1)), lidar, rng=1)
+        once = primfit.detect_planes(scan.points[: 48 * 380][scan.is_return[: 48 * 380]])
+        planes = primfit.detect_planes(scan.points[scan.is_return])
+        assert once.settings["stride"] == 1
+        assert 4 <= planes.settings["stride"] <= 10
+        assert len(planes) <= len(once) + 2
+
     def test_scale_place_and_threads(self, turns):
         points = turns[0]
         here = primfit.detect_planes(points, n_jobs=1)

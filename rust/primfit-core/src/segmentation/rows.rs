@@ -4,8 +4,8 @@
 use super::Segmentation;
 use super::growth::NOBODY;
 use super::regions::{self, Competition};
-use crate::neighbors::{PointTree, Search};
-use crate::spread::Moments;
+use crate::neighbors::{Neighbor, PointTree, Search};
+use crate::spread::{Moments, dot};
 use crate::{Error, Vector, Workers};
 
 /// Points that are asked for their neighbours.
@@ -15,6 +15,8 @@ const SIZES: (usize, usize) = (4, 8192);
 const STEPS: usize = 2;
 /// Neighbourhood that shows a surface when it is this large and reaches the next row.
 const ENOUGH: usize = 32;
+/// The same where rows are beams that were measured again and again.
+const FEW: usize = 4;
 /// Dimension of a surface, at least, and by what factor it rises, at least, while neighbourhoods
 /// that reach the next rows double.
 const SURFACE: f64 = 1.9;
@@ -24,40 +26,75 @@ const WITHIN: usize = 4;
 /// Width of a row, at most, in the thickness of what it lies on, or in the reach over some rows.
 const THIN: f64 = 2.0;
 const NARROW: f64 = 0.03;
+/// Share of the variance of a row's part that is across the surface, if the row is a beam.
+const ACROSS: f64 = 0.5;
 
 /// One in how many points is enough, so that a neighbourhood of `ENOUGH` reaches the next row.
 ///
 /// The number of points in a ball grows with a power of its radius, by which a surface has about
 /// two dimensions and a row one. The last size at which it rises from the one to the other tells
 /// how many points a row has between two rows: smaller balls may fill up with the noise of a row.
+/// Where the rows run across the surface, they are beams that were measured again and again, and
+/// few points of each are enough.
 pub fn stride(tree: &PointTree) -> usize {
     let dimensions = dimensions(tree);
     let mut doubled = dimensions.iter().zip(dimensions.iter().skip(STEPS));
     let reaching = doubled
         .rfind(|((_, half), (_, own))| *own >= SURFACE && *own >= RISE * half)
-        .map_or(0, |(_, (size, _))| *size);
-    let stride = (reaching + ENOUGH / 2) / ENOUGH;
-    if stride > 1 && are_thin(tree, reaching) { stride } else { 1 }
+        .map(|(_, (size, _))| *size);
+    let Some(reaching) = reaching else { return 1 };
+    let rows = rows(tree, reaching);
+    let most = |is: fn(&Row) -> bool| 2 * rows.iter().filter(|row| is(row)).count() > rows.len();
+    let enough = if most(Row::is_across) { FEW } else { ENOUGH };
+    let stride = (reaching + enough / 2) / enough;
+    if stride > 1 && most(Row::is_thin) { stride } else { 1 }
 }
 
-/// Whether most rows are no wider than what they lie on is thick, or much less than the way to the
-/// next: slats with gaps between them are wider, and surfaces themselves.
-fn are_thin(tree: &PointTree, reaching: usize) -> bool {
-    let mut search = Search::default();
-    let mut spread = |point: &Vector, size| {
-        let near = tree.nearest(point, size, &mut search);
-        let last = near[near.len() - 1].squared.sqrt();
-        let own = near.iter().map(|neighbor| &tree.points()[neighbor.place as usize]);
-        (Moments::of(own, point).spread().variances.map(f64::sqrt), last)
-    };
-    let (mut n, mut n_thin) = (0, 0);
-    for point in samples(tree) {
-        let ([_, width, _], _) = spread(point, reaching / WITHIN);
-        let ([thickness, ..], reach) = spread(point, WITHIN * reaching);
-        n += 1;
-        n_thin += usize::from(width <= (THIN * thickness).max(NARROW * reach));
+/// Part of a row, and what it lies on.
+struct Row {
+    /// Standard deviation of the part beside its own direction, and of all across the surface.
+    width: f64,
+    thickness: f64,
+    /// How far some rows reach.
+    reach: f64,
+    /// Share of the part's variance that is across the surface.
+    share_across: f64,
+}
+
+impl Row {
+    /// Whether it is no wider than what it lies on is thick, or much less than the way to the next:
+    /// slats with gaps between them are wider, and surfaces themselves.
+    fn is_thin(&self) -> bool {
+        self.width <= (THIN * self.thickness).max(NARROW * self.reach)
     }
-    2 * n_thin > n
+
+    fn is_across(&self) -> bool {
+        self.share_across > ACROSS
+    }
+}
+
+/// Parts of rows that have `reaching` points between one and the next.
+fn rows(tree: &PointTree, reaching: usize) -> Vec<Row> {
+    let (mut search, mut wider) = (Search::default(), Search::default());
+    let mut row = |point: &Vector| {
+        let at = |neighbor: &Neighbor| &tree.points()[neighbor.place as usize];
+        let near = tree.nearest(point, reaching / WITHIN, &mut search);
+        let far = tree.nearest(point, WITHIN * reaching, &mut wider);
+        let [part, all] = [near, far].map(|some| Moments::of(some.iter().map(at), point).spread());
+        let off = |neighbor| dot(&all.normal, &minus(at(neighbor), &part.mean)).powi(2);
+        let across = near.iter().map(off).sum::<f64>() / near.len() as f64;
+        Row {
+            width: part.variances[1].sqrt(),
+            thickness: all.variances[0].sqrt(),
+            reach: far[far.len() - 1].squared.sqrt(),
+            share_across: across / part.variances.iter().sum::<f64>(),
+        }
+    };
+    samples(tree).map(&mut row).collect()
+}
+
+fn minus(a: &Vector, b: &Vector) -> Vector {
+    std::array::from_fn(|k| a[k] - b[k])
 }
 
 /// Some points, none of them where the tree was halved: there it has the outermost points of its
@@ -159,6 +196,18 @@ mod tests {
         let strides = [0.02, 0.005].map(stride_of_rows);
         assert!((2..=8).contains(&strides[0]), "{strides:?}");
         assert!((8..=32).contains(&strides[1]), "{strides:?}");
+    }
+
+    #[test]
+    fn beams_that_are_measured_again_and_again_need_few_points_each() {
+        let points: Vec<Vector> = (0..20_000)
+            .map(|i| {
+                let error = 0.5 * (1e4 * f64::from(i).sin()).fract();
+                [f64::from(i / 10 % 50), f64::from(i / 500), error]
+            })
+            .collect();
+        let stride = stride(&PointTree::new(&points));
+        assert!((4..=10).contains(&stride), "{stride}");
     }
 
     #[test]
