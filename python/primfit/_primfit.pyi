@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "BeamBlocks",
+    "Family",
     "PointTree",
     "RayCaster",
     "carve",
