@@ -6,9 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.stats import chi2
 
 import primfit
@@ -25,9 +22,7 @@ from primfit.likelihood.templates import (
     REGULAR,
     SQUARE,
     STARS,
-    TEMPLATES,
     FreePolygon,
-    kin,
 )
 
 ROOM = primfit.World([], primfit.Arena((1, 1)))
@@ -192,63 +187,6 @@ def test_the_sampler_survives_a_cost_that_is_infinite_almost_everywhere():
     effort = Effort(n=50, generations=40, wanted=50.0, least=0.0, chained=0)
     found = sample(cost, np.zeros(2), np.eye(2), np.random.default_rng(1), effort)
     assert np.abs(found.mean).max() < 0.01
-
-
-@pytest.mark.parametrize("template", TEMPLATES, ids=lambda each: f"{each.kind}{each.axes.shape[1]}")
-def test_templates_are_the_kinds_of_solids(template):
-    sizes = template.sizes_of_area(0.05)[0]
-    parameters = np.array([0.3, -0.2, 0.25, *sizes])
-    outline = template.footprints(parameters[None])[0]
-    solid = primfit.Prism(outline)
-    assert solid.kind == template.kind
-    assert solid.angle == pytest.approx(0.25)
-    np.testing.assert_allclose(solid.size, sizes if len(sizes) == 2 else sizes[0])
-    steps = 1e-6 * np.eye(len(parameters))
-    ends = template.footprints(np.concatenate([parameters + steps, parameters - steps]))
-    slopes = (ends[: len(steps)] - ends[len(steps) :]).reshape(len(steps), -1).T / 2e-6
-    corners, changes = template.frame(parameters)
-    np.testing.assert_allclose(corners, outline, atol=1e-15)
-    np.testing.assert_allclose(changes, slopes, atol=1e-8)
-
-
-def test_kin_start_where_the_other_is():
-    for shape, parameters, kind in (
-        (RECTANGLE, [1.0, 2.0, 0.3, 0.21, 0.2], "square"),
-        (SQUARE, [1.0, 2.0, 0.3, 0.2], "rectangle"),
-        (STARS[5], [1.0, 2.0, 0.3, 0.2, 0.15], "pentagon"),
-        (FreePolygon(5), [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.5, 1.001, 0.0, 1.0], "polygon"),
-    ):
-        parameters = np.array(parameters)
-        (other, start), *_ = kin(shape, parameters)
-        assert other.kind == kind
-        mine = shapely.Polygon(shape.footprints(parameters[None])[0])
-        both = mine.intersection(shapely.Polygon(other.footprints(start[None])[0]))
-        assert both.area > 0.9 * mine.area
-    assert not kin(RECTANGLE, np.array([1.0, 2.0, 0.3, 0.4, 0.2]))
-    assert not kin(STARS[5], np.array([1.0, 2.0, 0.3, 0.2, 0.08]))
-
-
-@pytest.mark.parametrize("template", [SQUARE, RECTANGLE, TEMPLATES[0], TEMPLATES[3]])
-def test_a_polygon_that_is_of_a_kind_has_it_for_kin(template):
-    sizes = [0.5, 0.3][: template.n_sizes]
-    corners = template.footprints(np.array([[1.0, 2.0, 0.7, *sizes]]))[0]
-    shape = FreePolygon(len(corners))
-    starts = dict(kin(shape, corners.ravel()))
-    np.testing.assert_allclose(template.footprints(starts[template][None])[0], corners, atol=1e-12)
-
-
-def test_a_polygon_is_proper_when_it_does_not_cross_itself():
-    square = np.array([0.0, 0, 1, 0, 1, 1, 0, 1])
-    bow = np.array([0.0, 0, 1, 1, 1, 0, 0, 1])
-    np.testing.assert_array_equal(FreePolygon(4).is_proper(np.stack([square, bow])), [True, False])
-
-
-@given(st.lists(st.tuples(*[st.integers(0, 6)] * 2), min_size=3, max_size=8, unique=True))
-def test_polygons_are_proper_when_geos_says_so(corners):
-    """On a coarse grid, where sides often touch or lie on one line."""
-    outline = np.array(corners, dtype=float)
-    proper = FreePolygon(len(corners)).is_proper(outline.reshape(1, -1))[0]
-    assert proper == shapely.is_valid(shapely.Polygon(outline))
 
 
 def climbed_slowly(beams, shape, start, top, steps):

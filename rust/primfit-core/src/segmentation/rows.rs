@@ -5,7 +5,7 @@ use super::Segmentation;
 use super::growth::NOBODY;
 use super::regions::{self, Competition};
 use crate::neighbors::{Neighbor, PointTree, Search};
-use crate::spread::{Moments, dot};
+use crate::spread::Moments;
 use crate::{Error, Vector, Workers};
 
 /// Points that are asked for their neighbours.
@@ -81,7 +81,8 @@ fn rows(tree: &PointTree, reaching: usize) -> Vec<Row> {
         let near = tree.nearest(point, reaching / WITHIN, &mut search);
         let far = tree.nearest(point, WITHIN * reaching, &mut wider);
         let [part, all] = [near, far].map(|some| Moments::of(some.iter().map(at), point).spread());
-        let off = |neighbor| dot(&all.normal, &minus(at(neighbor), &part.mean)).powi(2);
+        let middle = all.distance(&part.mean);
+        let off = |neighbor| (all.distance(at(neighbor)) - middle).powi(2);
         let across = near.iter().map(off).sum::<f64>() / near.len() as f64;
         Row {
             width: part.variances[1].sqrt(),
@@ -91,10 +92,6 @@ fn rows(tree: &PointTree, reaching: usize) -> Vec<Row> {
         }
     };
     samples(tree).map(&mut row).collect()
-}
-
-fn minus(a: &Vector, b: &Vector) -> Vector {
-    std::array::from_fn(|k| a[k] - b[k])
 }
 
 /// Some points, none of them where the tree was halved: there it has the outermost points of its
