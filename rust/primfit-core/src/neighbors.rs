@@ -8,7 +8,6 @@ pub(crate) mod vicinity;
 
 pub use normals::LocalPlane;
 
-use crate::bounds::bounds;
 use crate::{Error, Vector, Workers};
 
 /// Points of a leaf; only the last leaf may hold fewer.
@@ -32,26 +31,6 @@ struct Node {
     end: u32,
     /// The second child; the first one follows the node. Zero for a leaf.
     second: u32,
-}
-
-/// A copy of a leaf.
-pub struct Block {
-    low: Vector,
-    high: Vector,
-    /// Place of its first point.
-    pub start: u32,
-    /// Number of its points.
-    pub len: usize,
-    /// Coordinates of its points, axis after axis.
-    pub coordinates: [[f64; LEAF]; 3],
-}
-
-impl Block {
-    /// Squared distance of a point to the box around it.
-    #[inline]
-    pub fn gap(&self, query: &Vector) -> f64 {
-        gap(&self.low, &self.high, query, query)
-    }
 }
 
 /// A point of the tree near a query.
@@ -164,45 +143,6 @@ impl PointTree {
             }
         }
         found
-    }
-
-    /// Copies the leaves whose boxes are within `radius` of that of a leaf; false, and some of
-    /// them, when there are more than `most`.
-    pub fn blocks_around(
-        &self,
-        leaf: usize,
-        radius: f64,
-        most: usize,
-        blocks: &mut Vec<Block>,
-    ) -> bool {
-        let start = leaf * LEAF;
-        let own = &self.points[start..self.points.len().min(start + LEAF)];
-        let [low, high] = bounds(own);
-        blocks.clear();
-        let mut open = vec![0];
-        while let Some(at) = open.pop() {
-            let node = &self.nodes[at as usize];
-            if gap(&node.low, &node.high, &low, &high) > radius * radius {
-                continue;
-            }
-            if node.second != 0 {
-                open.extend([node.second, at + 1]);
-                continue;
-            }
-            if blocks.len() == most {
-                return false;
-            }
-            let mut coordinates = [[0.0; LEAF]; 3];
-            let points = &self.points[node.start as usize..node.end as usize];
-            for (lane, point) in points.iter().enumerate() {
-                for (lanes, coordinate) in coordinates.iter_mut().zip(point) {
-                    lanes[lane] = *coordinate;
-                }
-            }
-            let Node { low, high, start, .. } = *node;
-            blocks.push(Block { low, high, start, len: points.len(), coordinates });
-        }
-        true
     }
 
     /// Hands over the points of a leaf, or puts the children of a node on the stack, nearer last.

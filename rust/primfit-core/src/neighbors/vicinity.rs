@@ -2,8 +2,9 @@
 //!
 //! The distances of the points before are a guess; that enough points lie within it proves it.
 
-use super::{Block, LEAF, PointTree, Search};
+use super::{LEAF, Neighbor, PointTree, Search, gap};
 use crate::Vector;
+use crate::bounds::bounds;
 use crate::instructions::widest;
 
 /// Leaves around one that are searched together; where more are near, each point asks the tree.
@@ -18,16 +19,19 @@ const GATHERED: f64 = 1.6;
 const SLACK: f64 = 1.0 + 1e-9;
 
 /// The nearest points of one point after the other in the order of the tree.
+///
+/// Squared distances of the same 48 upper bits are alike; then the lower place is nearer.
 pub struct Vicinity<'a> {
     tree: &'a PointTree,
     search: Search,
-    /// The leaf that `blocks` are around, within which distance, and whether there are too many.
+    /// The leaf that `leaves` are around, within which distance, and whether there are too many.
     leaf: usize,
     radius: f64,
     is_crowded: bool,
-    blocks: Vec<Block>,
+    leaves: Leaves,
     /// How many neighbours the point before had, and how far the last of them was.
     before: (usize, f64),
+    /// Squared distances of points found, each with its number in `leaves`.
     keys: Vec<u64>,
     sorted: Vec<u64>,
     places: Vec<u32>,
@@ -41,7 +45,7 @@ impl<'a> Vicinity<'a> {
             leaf: usize::MAX,
             radius: 0.0,
             is_crowded: false,
-            blocks: Vec::new(),
+            leaves: Leaves::default(),
             before: (0, 0.0),
             keys: Vec::new(),
             sorted: Vec::new(),
@@ -50,44 +54,34 @@ impl<'a> Vicinity<'a> {
     }
 
     /// Places of the `k` points nearest to a point of the tree, itself among them, nearest first.
-    ///
-    /// Squared distances of the same 48 upper bits are alike; then the lower place is nearer.
     pub fn nearest(&mut self, place: usize, k: usize) -> &[u32] {
-        self.look_for(place, k, Self::take_in_order);
+        self.look_for(place, k, Order::Nearness);
         &self.places
     }
 
     /// The same points by rising place.
     pub fn nearest_by_place(&mut self, place: usize, k: usize) -> &[u32] {
-        if !self.look_for(place, k, Self::take_by_place) {
-            self.places.sort_unstable();
-        }
+        self.look_for(place, k, Order::Place);
         &self.places
     }
 
-    /// Puts the `k` nearest into `places`, as `take` takes them from `keys`; else, which it tells,
-    /// as the tree finds them, nearest first.
-    fn look_for(&mut self, place: usize, k: usize, take: fn(&mut Self, usize) -> f64) -> bool {
+    /// Puts the `k` nearest into `places`.
+    fn look_for(&mut self, place: usize, k: usize, order: Order) {
         let k = k.min(self.tree.points().len());
         if self.before.0 == k {
             let guess = GUESS * self.before.1;
-            if self.found(place, k, guess, take) {
-                return true;
-            }
-            // As if the points that were found lay on a surface.
-            let reach = guess * GUESS * (k as f64 / self.keys.len().max(1) as f64).sqrt();
-            if reach <= self.radius && self.found(place, k, reach, take) {
-                return true;
+            if self.gather(place, guess) {
+                let n_found = self.ask_leaves(place, guess, k, order);
+                // As if the points that were found lay on a surface.
+                let reach = guess * GUESS * (k as f64 / n_found.max(1) as f64).sqrt();
+                if n_found >= k
+                    || self.gather(place, reach) && self.ask_leaves(place, reach, k, order) >= k
+                {
+                    return;
+                }
             }
         }
-        let point = &self.tree.points()[place];
-        let last = self.tree.nearest(point, k, &mut self.search)[k - 1].squared.sqrt();
-        self.before = (k, last);
-        let is_found = self.found(place, k, SLACK * last, take);
-        if !is_found {
-            self.ask_tree(place, k, SLACK * last);
-        }
-        is_found
+        self.ask_tree(place, k, order);
     }
 
     /// The same by the tree alone, for many neighbours of few points; the lower row is nearer.
@@ -98,14 +92,8 @@ impl<'a> Vicinity<'a> {
         &self.places
     }
 
-    /// Whether the `k` nearest lie within `reach`; then they are in `places`.
-    fn found(
-        &mut self,
-        place: usize,
-        k: usize,
-        reach: f64,
-        take: fn(&mut Self, usize) -> f64,
-    ) -> bool {
+    /// Whether `leaves` are all those that hold points within `reach`; else too many do.
+    fn gather(&mut self, place: usize, reach: f64) -> bool {
         let leaf = place / LEAF;
         let is_unfit = if self.is_crowded {
             GATHERED * GATHERED * reach < self.radius
@@ -114,86 +102,175 @@ impl<'a> Vicinity<'a> {
         };
         if leaf != self.leaf || is_unfit {
             let radius = GATHERED * reach;
-            let is_complete = self.tree.blocks_around(leaf, radius, MOST_LEAVES, &mut self.blocks);
+            let is_complete = self.leaves.gather(self.tree, leaf, radius);
             (self.leaf, self.radius, self.is_crowded) = (leaf, radius, !is_complete);
         }
-        if self.is_crowded {
-            return false;
-        }
-        find(&self.blocks, &self.tree.points()[place], reach * reach, &mut self.keys);
-        if self.keys.len() < k {
-            return false;
-        }
-        let last = take(self, k);
-        if last > reach * reach {
-            return false;
-        }
-        self.before = (k, last.sqrt());
-        true
+        !self.is_crowded
     }
 
-    /// Takes the `k` smallest keys, rising; the greatest squared distance that the last may have.
-    fn take_in_order(&mut self, k: usize) -> f64 {
-        let keys = &mut self.keys;
-        if keys.len() > 2 * k {
-            keys.select_nth_unstable(k - 1);
-            keys.truncate(k);
+    /// How many points of `leaves` are within `reach`; when they are at least `k`, the nearest of
+    /// them are in `places`.
+    fn ask_leaves(&mut self, place: usize, reach: f64, k: usize, order: Order) -> usize {
+        let Self { keys, sorted, places, .. } = self;
+        // All squared distances that are alike are within, or none is.
+        let square = greatest_like((reach * reach).to_bits());
+        find(&mut self.leaves, &self.tree.points()[place], square, keys);
+        let n_found = keys.len();
+        if n_found < k {
+            return n_found;
         }
-        keys.sort_unstable();
-        keys.truncate(k);
-        self.take(u64::MAX);
-        f64::from_bits(self.keys[k - 1] | NUMBER)
-    }
-
-    /// Takes them as they were found: by rising place.
-    fn take_by_place(&mut self, k: usize) -> f64 {
-        self.sorted.clone_from(&self.keys);
-        let last = *self.sorted.select_nth_unstable(k - 1).1;
-        self.take(last);
-        f64::from_bits(last | NUMBER)
-    }
-
-    /// Puts the points with keys up to `last` into `places`.
-    fn take(&mut self, last: u64) {
-        let blocks = &self.blocks;
-        self.places.clear();
-        self.places.extend(self.keys.iter().filter(|&&key| key <= last).map(|key| {
+        let last = match order {
+            Order::Nearness => {
+                if n_found > 2 * k {
+                    keys.select_nth_unstable(k - 1);
+                    keys.truncate(k);
+                }
+                keys.sort_unstable();
+                keys.truncate(k);
+                keys[k - 1]
+            }
+            Order::Place => {
+                sorted.clone_from(keys);
+                *sorted.select_nth_unstable(k - 1).1
+            }
+        };
+        self.before = (k, greatest_like(last).sqrt());
+        let starts = &self.leaves.starts;
+        places.clear();
+        places.extend(keys.iter().filter(|&&key| key <= last).map(|key| {
             let number = (key & NUMBER) as usize;
-            blocks[number / LEAF].start + (number % LEAF) as u32
+            starts[number / LEAF] + (number % LEAF) as u32
         }));
+        n_found
     }
 
-    /// The `k` nearest, all of them within `reach`, into `places`, nearest first.
-    fn ask_tree(&mut self, place: usize, k: usize, reach: f64) {
-        let near = self.tree.within(&self.tree.points()[place], reach, &mut self.search);
-        let mut keys: Vec<(u64, u32)> =
-            near.iter().map(|n| (n.squared.to_bits() & !NUMBER, n.place)).collect();
-        keys.sort_unstable();
+    /// The `k` nearest of the whole tree into `places`.
+    fn ask_tree(&mut self, place: usize, k: usize, order: Order) {
+        let here = &self.tree.points()[place];
+        let keys_of = |near: &[Neighbor]| -> Vec<(u64, u32)> {
+            near.iter().map(|n| (n.squared.to_bits() & !NUMBER, n.place)).collect()
+        };
+        let mut near = keys_of(self.tree.nearest(here, k + 1, &mut self.search));
+        let last = greatest_like(near[k - 1].0).sqrt();
+        // Of those alike the tree takes others.
+        if near.get(k).is_some_and(|next| next.0 == near[k - 1].0) {
+            near = keys_of(self.tree.within(here, SLACK * last, &mut self.search));
+        }
+        near.sort_unstable();
+        near.truncate(k);
+        if let Order::Place = order {
+            near.sort_unstable_by_key(|(_, place)| *place);
+        }
+        self.before = (k, last);
         self.places.clear();
-        self.places.extend(keys.iter().take(k).map(|(_, place)| place));
+        self.places.extend(near.iter().map(|(_, place)| place));
+    }
+}
+
+/// How neighbours are sorted.
+#[derive(Clone, Copy)]
+enum Order {
+    Nearness,
+    Place,
+}
+
+/// The greatest squared distance that is like one of these bits.
+fn greatest_like(squared: u64) -> f64 {
+    f64::from_bits((squared | NUMBER).min(f64::INFINITY.to_bits()))
+}
+
+/// Copies of leaves, their boxes and points axis after axis.
+#[derive(Default)]
+struct Leaves {
+    lows: [Vec<f64>; 3],
+    highs: [Vec<f64>; 3],
+    /// Places of their first points.
+    starts: Vec<u32>,
+    points: Vec<[[f64; LEAF]; 3]>,
+    /// Room for what is asked of them: squared distances to their boxes, keys of their points.
+    gaps: Vec<f64>,
+    found: Vec<u64>,
+}
+
+impl Leaves {
+    /// Copies those whose boxes are within `radius` of that of a leaf; false, and some of them,
+    /// when there are too many.
+    fn gather(&mut self, tree: &PointTree, leaf: usize, radius: f64) -> bool {
+        let start = leaf * LEAF;
+        let [low, high] = bounds(&tree.points[start..tree.points.len().min(start + LEAF)]);
+        let Self { lows, highs, starts, points, gaps, found } = self;
+        for k in 0..3 {
+            lows[k].clear();
+            highs[k].clear();
+        }
+        starts.clear();
+        points.clear();
+        let mut open = vec![0];
+        while let Some(at) = open.pop() {
+            let node = &tree.nodes[at as usize];
+            if gap(&node.low, &node.high, &low, &high) > radius * radius {
+                continue;
+            }
+            if node.second != 0 {
+                open.extend([node.second, at + 1]);
+                continue;
+            }
+            if starts.len() == MOST_LEAVES {
+                return false;
+            }
+            for k in 0..3 {
+                lows[k].push(node.low[k]);
+                highs[k].push(node.high[k]);
+            }
+            starts.push(node.start);
+            // What is missing is near nothing.
+            points.push([[f64::NAN; LEAF]; 3]);
+            let own = &tree.points[node.start as usize..node.end as usize];
+            for (k, lanes) in points.last_mut().into_iter().flatten().enumerate() {
+                for (lane, point) in lanes.iter_mut().zip(own) {
+                    *lane = point[k];
+                }
+            }
+        }
+        gaps.resize(starts.len(), 0.0);
+        found.resize(starts.len() * LEAF, 0);
+        true
     }
 }
 
 widest! {
-    fn find(blocks: &[Block], point: &Vector, reach: f64, keys: &mut Vec<u64>) -> () {
-        keys.clear();
-        for (number, block) in (0..).step_by(LEAF).zip(blocks) {
-            if block.gap(point) > reach {
+    // Keys of the points within a squared distance, by rising place.
+    fn find(leaves: &mut Leaves, point: &Vector, square: f64, keys: &mut Vec<u64>) -> () {
+        let Leaves { lows, highs, points, gaps, found, .. } = leaves;
+        gaps.fill(0.0);
+        for k in 0..3 {
+            for ((gap, low), high) in gaps.iter_mut().zip(&lows[k]).zip(&highs[k]) {
+                let (below, above) = (low - point[k], point[k] - high);
+                let outside = if below > above { below } else { above };
+                let outside = if outside > 0.0 { outside } else { 0.0 };
+                *gap += outside * outside;
+            }
+        }
+        let mut n_found = 0;
+        for (first, (points, gap)) in (0..).step_by(LEAF).zip(points.iter().zip(gaps)) {
+            if *gap > square {
                 continue;
             }
             let mut squared = [0.0; LEAF];
             for (lane, squared) in squared.iter_mut().enumerate() {
-                let [x, y, z] = std::array::from_fn(|k| block.coordinates[k][lane] - point[k]);
+                let [x, y, z] = std::array::from_fn(|k| points[k][lane] - point[k]);
                 *squared = x * x + y * y + z * z;
             }
-            let mut near = [0; LEAF];
+            let Some(found) = found[n_found..].first_chunk_mut::<LEAF>() else { break };
             let mut n_near = 0;
-            for (own, squared) in (number..).zip(&squared[..block.len]) {
-                near[n_near] = (squared.to_bits() & !NUMBER) | own;
-                n_near += usize::from(*squared <= reach);
+            for (number, squared) in (first..).zip(squared) {
+                found[n_near % LEAF] = squared.to_bits() & !NUMBER | number;
+                n_near += usize::from(squared <= square);
             }
-            keys.extend_from_slice(&near[..n_near]);
+            n_found += n_near;
         }
+        keys.clear();
+        keys.extend_from_slice(&found[..n_found]);
     }
 }
 
@@ -210,7 +287,7 @@ mod tests {
         ) {
             let tree = PointTree::new(&points);
             let mut vicinity = Vicinity::new(&tree);
-            let mut again = Vicinity::new(&tree);
+            let mut crowded = Vicinity { is_crowded: true, ..Vicinity::new(&tree) };
             let mut search = Search::default();
             for (place, point) in tree.points().iter().enumerate() {
                 let alone = tree.nearest(point, k, &mut search).iter().map(|n| &n.place);
@@ -218,9 +295,10 @@ mod tests {
                 let mut by_place = vicinity.places.clone();
                 by_place.sort_unstable();
                 prop_assert_eq!(vicinity.nearest_by_place(place, k), by_place);
-                vicinity.nearest(place, k);
-                again.ask_tree(place, k.min(points.len()), 4.0);
-                prop_assert_eq!(&again.places, &vicinity.places);
+                crowded.radius = 0.0;
+                crowded.leaf = place / LEAF;
+                prop_assert_eq!(crowded.nearest(place, k), vicinity.nearest(place, k));
+                prop_assert!(crowded.is_crowded);
             }
         }
     }
@@ -240,6 +318,19 @@ mod tests {
     }
 
     #[test]
+    fn copies_and_squares_beyond_numbers_have_neighbors() {
+        for points in
+            [vec![[1.0; 3]; 5000], vec![[1e200, 0.0, 0.0], [0.0; 3], [-1e200; 3], [2e200; 3]]]
+        {
+            let tree = PointTree::new(&points);
+            let mut vicinity = Vicinity::new(&tree);
+            for place in (0..points.len()).step_by(1500) {
+                assert_eq!(vicinity.nearest_by_place(place, 3).len(), 3);
+            }
+        }
+    }
+
+    #[test]
     fn a_far_point_does_not_gather_the_cloud() {
         let mut points: Vec<Vector> =
             (0..20_000).map(|i| [f64::from(i % 200), f64::from(i / 200), 0.0]).collect();
@@ -248,6 +339,6 @@ mod tests {
         let mut vicinity = Vicinity::new(&tree);
         let far = tree.rows().iter().position(|&row| row == 20_000).unwrap_or_default();
         assert!(vicinity.nearest(far, 5).contains(&(far as u32)));
-        assert!(vicinity.blocks.len() <= MOST_LEAVES);
+        assert!(vicinity.leaves.starts.len() <= MOST_LEAVES);
     }
 }
