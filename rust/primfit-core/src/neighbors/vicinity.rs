@@ -13,7 +13,7 @@ const MOST_LEAVES: usize = 192;
 const NUMBER: u64 = 0xffff;
 /// How much farther neighbours are looked for than those of the point before reach, and how much
 /// farther leaves are gathered.
-const GUESS: f64 = 1.2;
+const GUESS: f64 = 1.1;
 const GATHERED: f64 = 1.6;
 /// What rounding and the bits that give way may take from a distance.
 const SLACK: f64 = 1.0 + 1e-9;
