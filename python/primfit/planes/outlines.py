@@ -78,11 +78,15 @@ def _thinned(at: Floats) -> Floats:
     side = max(np.sqrt(np.prod(extent) / _MOST), extent.max() / _MOST)
     if side == 0.0:
         return at
-    n_columns = int(extent[1] / side) + 1
-    cell = ((at - low) / side).astype(np.int64) @ [n_columns, 1]
-    first = np.full(int(cell.max()) + 1, -1)
-    first[cell[::-1]] = np.arange(len(at))[::-1]
-    return at[np.union1d(first[first >= 0], ConvexHull(at).vertices)]
+    row, column = ((at - low) / side).astype(np.int64).T
+    # With an empty margin.
+    first = np.full((row.max() + 3, column.max() + 3), -1)
+    first[row[::-1] + 1, column[::-1] + 1] = np.arange(len(at))[::-1]
+    is_full = first >= 0
+    # Between full cells on all four diagonals nothing is a corner of the hull.
+    is_within = is_full[:-2, :-2] & is_full[:-2, 2:] & is_full[2:, :-2] & is_full[2:, 2:]
+    outer = np.flatnonzero(~is_within[row, column])
+    return at[np.union1d(first[is_full], outer[ConvexHull(at[outer]).vertices])]
 
 
 def _widest_gap(at: Floats, pairs: Ints) -> float:

@@ -77,9 +77,13 @@ def _flat_parts(points: Floats, sigma: Floats | None, n_jobs: int | None) -> Fla
 
 def _first_copies(points: Floats) -> Ints | None:
     """The lowest row with the coordinates of each point; None when no two points are the same."""
-    x = points[:, 0]
+    x = np.ascontiguousarray(points[:, 0])
+    rising = np.sort(x)
+    if (rising[1:] != rising[:-1]).all():
+        return None
     order = np.argsort(x)
-    shares_next = x[order[1:]] == x[order[:-1]]
+    rising = x[order]
+    shares_next = rising[1:] == rising[:-1]
     shares = np.append(shares_next, False) | np.append(False, shares_next)
     rows = order[shares]
     # Sorting is stable: the first of a run of copies has the lowest row.
