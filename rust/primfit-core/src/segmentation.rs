@@ -22,7 +22,7 @@ use graph::Graph;
 use growth::{FEWEST, NOBODY, Seed, grow};
 use merging::merge;
 use noise::{common_noise, spread_noise};
-use regions::compete;
+use regions::{Members, compete};
 use roughness::Surfaces;
 use splitting::split;
 
@@ -38,8 +38,10 @@ const LARGE: usize = 500_000;
 const FLATTEST: f64 = 1024.0;
 /// Classes of flatness within each doubling.
 const STEPS: f64 = 4.0;
-/// Rounds of competition, splitting and merging, and sweeps of competition that begin them.
+/// Rounds of competition, splitting and merging, unless none of so many points of a plane comes or
+/// goes any more, and sweeps of competition that begin them.
 const ROUNDS: usize = 4;
+const SETTLED: usize = 100;
 const SWEEPS: usize = 2;
 
 /// The planes of a cloud.
@@ -118,12 +120,18 @@ fn segment_evenly(
         })
     };
     for _ in 0..ROUNDS {
+        let before = sizes(&labels);
         labels = swept(labels)?;
         if surfaces == Surfaces::Smooth {
             labels = split(points, &fitted(&labels), &labels, workers);
             labels = compete(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;
         }
         labels = merge(&graph, &fitted(&labels), &labels, surfaces);
+        let after = sizes(&labels);
+        let has_settled = |(&a, &b): (&usize, &usize)| SETTLED * a.abs_diff(b) <= a.max(b);
+        if before.len() == after.len() && before.iter().zip(&after).all(has_settled) {
+            break;
+        }
     }
     labels = swept(accept(tree, &graph, &noise, &labels, surfaces, workers)?)?;
     labels = merge(&graph, &fitted(&labels), &labels, surfaces);
@@ -133,6 +141,12 @@ fn segment_evenly(
         |i: usize| if noise[i].is_nan() { local[i / step].sigma } else { f64::from(noise[i]) };
     let sigma = (0..points.len()).map(known).collect();
     Ok(Segmentation { labels, sigma, n_nearest, stride: 1, surfaces })
+}
+
+/// Points of each label.
+fn sizes(labels: &[i32]) -> Vec<usize> {
+    let members = Members::of(labels);
+    (0..members.len()).map(|label| members.get(label).len()).collect()
 }
 
 fn median_size(local: &[LocalPlane]) -> usize {
