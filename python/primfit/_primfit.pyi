@@ -91,7 +91,7 @@ class RayCaster:
         poses: NDArray[np.float64],
         beams: NDArray[np.float64],
         gate: Sequence[float],
-        noise: NDArray[np.float64],
+        noise: tuple[int, int],
         points: NDArray[np.float64],
         ranges: NDArray[np.float64],
         ids: NDArray[np.int64],

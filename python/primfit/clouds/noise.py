@@ -17,6 +17,8 @@ _ORIGINS = 32
 _TRIPLES = 4096
 _IN_A_ROW = 0.25
 """How far the third of three beams may be off their line, as a share of the gap between them."""
+_SAME = 1e-9
+"""Difference of ranges, as a share of the largest, that is rounding."""
 _FLATNESS = 6.0
 """Second smallest over smallest eigenvalue from which a neighbourhood counts as a flat one."""
 
@@ -36,7 +38,9 @@ def estimate_sigma(points: Floats, directions: Floats | None, rng: np.random.Gen
 
     The median over random neighbourhoods, each the smallest that is clearly flat; along the beams
     where their directions are known. A neighbourhood is flat when its second smallest eigenvalue
-    is `_FLATNESS` times the smallest, and no line, which a single row of a scan is.
+    is `_FLATNESS` times the smallest, and no line, which a single row of a scan is. Where the noise
+    is a third of the size of surfaces, few are but by chance: 30 mm on solids of 100 mm were
+    estimated as 12 to 52.
     """
     tree = _primfit.PointTree(points)
     at = rng.integers(len(points), size=_SAMPLES)
@@ -92,4 +96,18 @@ def estimate_range_sigma(scan: Scan, rng: np.random.Generator) -> float:
     if not len(sizes):
         return float(np.ptp(scan.ranges[returns])) * FLOOR
     # Half of all normal deviates are below their 0.75 quantile, and 1 + 4 + 1 variances add up.
-    return float(np.median(sizes) / (ndtri(0.75) * np.sqrt(6.0)))
+    return _median(sizes) / float(ndtri(0.75) * np.sqrt(6.0))
+
+
+def _median(sizes: Floats) -> float:
+    """Median of sizes that may come in steps, as those of rounded ranges do, between the steps.
+
+    Where the mid-distribution function is one half (Ma, Genton, Parzen: Asymptotic properties of
+    sample quantiles of discrete distributions, Annals of the Institute of Statistical Mathematics
+    63, 2011).
+    """
+    # Sizes of one step differ by rounding.
+    unit = _SAME * max(float(sizes.max()), np.finfo(float).tiny)
+    steps, counts = np.unique(np.rint(sizes / unit), return_counts=True)
+    below = np.cumsum(counts) - counts / 2.0
+    return unit * float(np.interp(len(sizes) / 2.0, below, steps))

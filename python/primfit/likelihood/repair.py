@@ -21,10 +21,6 @@ MISFIT = 2.5
 LEAST_GAIN = 25.0
 """Log-likelihood that a solid must gain over nothing, beyond what its parameters cost."""
 
-_HOPELESS = 1000.0
-"""Log-likelihood by which bodies that are fitted roughly may explain less than what they replace:
-sampling gains less, or not enough to win."""
-
 _AROUND = 1.3
 """Radius within which beams tell of a body, as a multiple of its seed's."""
 
@@ -82,9 +78,6 @@ def _instead(
         return []
     for alternative in alternatives:
         option = alternative(scene, others, body, cell)
-        is_other_number = len(option) > 1 or len(option) < len(best)
-        if is_other_number and _score(scene, others, option, rows) > least + _HOPELESS:
-            continue
         option = _settled(scene, others, option, rng)
         if len(option) > 1 and any(_misfit(scene, part) > MISFIT for part in option):
             # What a part is depends on what the others are, which is known better by now.

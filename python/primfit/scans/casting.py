@@ -171,7 +171,7 @@ class RayCaster:
         n = len(rows) * len(beams)
         out = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
         exact = (0.0, np.inf, 0.0, 0.0)
-        self._core.scan(rows, beams, exact, np.empty(0), *out, n_jobs_or_none(n_jobs))
+        self._core.scan(rows, beams, exact, (0, 0), *out, n_jobs_or_none(n_jobs))
         return _primfit.turned(rows, beams), *out[1:]
 
     def __repr__(self) -> str:

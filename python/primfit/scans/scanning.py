@@ -33,7 +33,8 @@ def scan(
     Every beam is cast exactly against solids, arena and floor. The range gate is applied to the
     true range; then Gaussian noise is added along the beam, and the range is rounded to the
     sensor's resolution. A beam without return stays without return. Poses inside a solid are
-    passed over, as in the paper, and planar ones outside the arena.
+    passed over, as in the paper, and planar ones outside the arena. The noise of a beam depends on
+    `rng` and on its row alone.
 
     Parameters
     ----------
@@ -90,14 +91,13 @@ def scan(
     n = n_poses * n_beams
     points, ranges, ids = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
     at_once = max(1, _BEAMS_AT_ONCE // n_beams)
-    noise = np.empty(min(at_once, n_poses) * n_beams if lidar.noise else 0)
+    seed = int(rng.integers(1 << 64, dtype=np.uint64))
     with reporting(progress, n_poses, "pose") as tell:
         for first in range(0, n_poses, at_once):
             some = transforms[first : first + at_once]
             rows = slice(first * n_beams, (first + len(some)) * n_beams)
-            own = noise[: len(some) * n_beams]
-            rng.standard_normal(out=own)
-            caster.scan(some, beams, gate, own, points[rows], ranges[rows], ids[rows], n_jobs)
+            out = points[rows], ranges[rows], ids[rows]
+            caster.scan(some, beams, gate, (seed, rows.start), *out, n_jobs)
             tell(first + len(some))
     return Scan(
         points=frozen(points),

@@ -57,7 +57,8 @@ impl RayCaster {
         Ok((hits.ranges.into_pyarray(py), hits.ids.into_pyarray(py)))
     }
 
-    /// Fills in where `beams` (m, 3) end from each of `poses` (p, 16), their readings and ids.
+    /// Fills in where `beams` (m, 3) end from each of `poses` (p, 16), their readings and ids; noise
+    /// follows from a seed and the numbers of beams, from that of the first.
     #[pyo3(signature = (poses, beams, gate, noise, points, ranges, ids, n_jobs=None))]
     #[allow(clippy::too_many_arguments)]
     fn scan(
@@ -66,7 +67,7 @@ impl RayCaster {
         poses: PyReadonlyArray2<f64>,
         beams: PyReadonlyArray2<f64>,
         gate: [f64; 4],
-        noise: PyReadonlyArray1<f64>,
+        noise: (u64, u64),
         mut points: PyReadwriteArray2<f64>,
         mut ranges: PyReadwriteArray1<f64>,
         mut ids: PyReadwriteArray1<i64>,
@@ -74,8 +75,8 @@ impl RayCaster {
     ) -> PyResult<()> {
         let (poses, beams) = (rows("poses", &poses)?, rows("beams", &beams)?);
         let [min_range, max_range, sigma, resolution] = gate;
-        let gate = Gate { min_range, max_range, sigma, resolution };
-        let noise = noise.as_slice()?;
+        let (seed, first) = noise;
+        let gate = Gate { min_range, max_range, sigma, seed, resolution };
         let points = rows_mut("points", &mut points)?;
         let (ranges, ids) = (ranges.as_slice_mut()?, ids.as_slice_mut()?);
         let n = poses.len() * beams.len();
@@ -84,11 +85,8 @@ impl RayCaster {
         {
             same_length(name, length, "poses x beams", n)?;
         }
-        if !noise.is_empty() {
-            same_length("noise", noise.len(), "poses x beams", n)?;
-        }
         let readings = Readings { points, ranges, ids };
-        door::enter(py, n_jobs, |workers| self.0.scan(poses, beams, gate, noise, readings, workers))
+        door::enter(py, n_jobs, |workers| self.0.scan(poses, beams, gate, first, readings, workers))
     }
 }
 

@@ -6,6 +6,9 @@ use super::caster::{Hit, RayCaster, Way};
 use super::query::{Query, by_axis, unit};
 use super::tiles::Tiles;
 use crate::{Error, Vector, Workers};
+use rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::SplitMix64;
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -13,6 +16,9 @@ use std::borrow::Cow;
 const CHUNK: usize = 1 << 16;
 /// Rays of a task, about.
 const TASK: usize = 1 << 11;
+
+/// Odd, so that states stay apart for all numbers, and not the step of the generator.
+const APART: u64 = 0xd1b5_4a32_d192_ed03;
 
 /// A rigid transform by rows: rotation and place.
 pub type Transform = [f64; 16];
@@ -26,22 +32,34 @@ pub struct Gate {
     pub max_range: f64,
     /// Standard deviation of the noise.
     pub sigma: f64,
+    /// What the noise is drawn from, with the number of the beam.
+    pub seed: u64,
     /// Step to which readings are rounded; none when not positive.
     pub resolution: f64,
 }
 
 impl Gate {
-    /// The reading of a true range; infinite for none.
+    /// What the beam of a number reads of a true range; infinite for nothing.
     #[inline(always)]
-    fn reading(&self, range: f64, noise: f64) -> f64 {
+    fn reading(&self, range: f64, number: u64) -> f64 {
         if !(range >= self.min_range && range <= self.max_range) {
             return f64::INFINITY;
         }
-        let reading = range + self.sigma * noise;
+        let mut reading = range;
+        if self.sigma > 0.0 {
+            reading += self.sigma * self.noise(number);
+        }
         if self.resolution > 0.0 {
             return (reading / self.resolution).round_ties_even() * self.resolution;
         }
         reading
+    }
+
+    /// The standard normal noise of the beam of a number, whichever thread asks for it.
+    #[inline(always)]
+    fn noise(&self, number: u64) -> f64 {
+        let state = self.seed.wrapping_add(number.wrapping_mul(APART));
+        StandardNormal.sample(&mut SplitMix64::seed_from_u64(state))
     }
 }
 
@@ -56,8 +74,8 @@ pub struct Readings<'a> {
 }
 
 impl RayCaster {
-    /// Fills in what `beams` read from each pose, pose by pose. `noise` is standard normal, one a
-    /// reading, or empty.
+    /// Fills in what `beams` read from each pose, pose by pose; the first beam of all has the number
+    /// `first`.
     ///
     /// Neighbouring beams are found once for all poses.
     ///
@@ -72,31 +90,29 @@ impl RayCaster {
         poses: &[Transform],
         beams: &[Vector],
         gate: Gate,
-        noise: &[f64],
+        first: u64,
         readings: Readings,
         workers: &Workers,
     ) -> Result<(), Error> {
         let n = poses.len() * beams.len();
         let Readings { points, ranges, ids } = readings;
         assert!(points.len() == n && ranges.len() == n && ids.len() == n, "one row a reading");
-        assert!(noise.is_empty() || noise.len() == n, "one noise a reading, or none");
         let beams = units(beams)?;
         let way = self.way(Tiles::of(&beams).filter(|tiles| tiles.is_within(self.largest_tile())));
         // Whole bands of tiles.
         let band = if let Way::Packets(tiles) = way { tiles.band() } else { 1 };
         let part = band * TASK.div_ceil(band);
         let mut parts = Vec::new();
-        let mut rest = (noise, points, ranges, ids);
+        let mut rest = (first, points, ranges, ids);
         for pose in poses {
             for beams in beams.chunks(part) {
-                let (noise, points, ranges, ids) = rest;
-                let (noise, later_noise) = noise.split_at(beams.len().min(noise.len()));
+                let (first, points, ranges, ids) = rest;
                 let (points, later_points) = points.split_at_mut(beams.len());
                 let (ranges, later_ranges) = ranges.split_at_mut(beams.len());
                 let (ids, later_ids) = ids.split_at_mut(beams.len());
-                rest = (later_noise, later_points, later_ranges, later_ids);
+                rest = (first + beams.len() as u64, later_points, later_ranges, later_ids);
                 let readings = Readings { points, ranges, ids };
-                parts.push(Part { pose, beams, gate, noise, names: self.names(), readings });
+                parts.push(Part { pose, beams, gate, first, names: self.names(), readings });
             }
         }
         for parts in parts.chunks_mut(CHUNK.div_ceil(part.min(beams.len().max(1)))) {
@@ -154,7 +170,7 @@ struct Part<'a> {
     pose: &'a Transform,
     beams: &'a [Vector],
     gate: Gate,
-    noise: &'a [f64],
+    first: u64,
     names: Option<&'a [i64]>,
     readings: Readings<'a>,
 }
@@ -196,12 +212,54 @@ impl Query for Part<'_> {
 
     #[inline(always)]
     fn answer(&mut self, row: usize, direction: Vector, hit: Hit) {
-        let reading = self.gate.reading(hit.range, self.noise.get(row).copied().unwrap_or(0.0));
+        let reading = self.gate.reading(hit.range, self.first + row as u64);
         let origin = self.origin(row);
         // No reading is no point.
         let way = if reading < f64::INFINITY { reading } else { f64::NAN };
         self.readings.points[row] = std::array::from_fn(|k| direction[k] * way + origin[k]);
         self.readings.ranges[row] = reading;
         self.readings.ids[row] = hit.id(self.names);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(seed: u64) -> Vec<f64> {
+        let gate = Gate { min_range: 0.0, max_range: 1.0, sigma: 1.0, seed, resolution: 0.0 };
+        (0..200_000).map(|number| gate.noise(number)).collect()
+    }
+
+    fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+        let n = values.len() as f64;
+        values.sum::<f64>() / n
+    }
+
+    #[test]
+    fn noise_is_standard_normal() {
+        for seed in [0, 1, u64::MAX] {
+            let noise = noise(seed);
+            let error = 5.0 / (noise.len() as f64).sqrt();
+            for (power, moment) in [(1, 0.0), (2, 1.0), (3, 0.0), (4, 3.0)] {
+                // The variance of a power is the moment of twice the power less a square.
+                let spread = [1.0_f64, 2.0, 15.0, 96.0][power as usize - 1].sqrt();
+                let off = mean(noise.iter().map(|x| x.powi(power))) - moment;
+                assert!(off.abs() < error * spread, "power {power}: {off}");
+            }
+            let beyond = mean(noise.iter().map(|x| f64::from(x.abs() > 3.0)));
+            assert!((beyond - 0.0027).abs() < error * 0.0027_f64.sqrt(), "{beyond}");
+        }
+    }
+
+    #[test]
+    fn neighbors_and_seeds_share_no_noise() {
+        let (one, other) = (noise(7), noise(8));
+        let error = 5.0 / (one.len() as f64).sqrt();
+        for apart in [1, 2, 16, 100, 800, 1024] {
+            let pairs = one.iter().zip(&one[apart..]).map(|(a, b)| a * b);
+            assert!(mean(pairs).abs() < error * 1.01, "{apart} beams apart");
+        }
+        assert!(mean(one.iter().zip(&other).map(|(a, b)| a * b)).abs() < error);
     }
 }

@@ -15,7 +15,7 @@ const DIFFERENT: f64 = 2.3;
 /// Standard deviation of the noise of all points of the graph, of which every `step`-th has a
 /// local plane.
 ///
-/// A flat neighbourhood tells it; from there it spreads over the graph, since edges, corners and
+/// A flat neighbourhood tells it; from there its logarithm spreads over the graph, since edges, corners and
 /// scattered points have no neighbourhood that tells anything. NaN where it does not get.
 ///
 /// # Errors
@@ -27,12 +27,13 @@ pub fn spread_noise(
     n_points: usize,
     workers: &Workers,
 ) -> Result<Vec<f32>, Error> {
-    let mut noise = vec![f32::NAN; n_points];
-    for (plane, i) in local.iter().zip((0..).step_by(step)).filter(|(plane, _)| plane.is_flat) {
-        noise[i] = plane.sigma as f32;
+    let flat = || local.iter().zip((0..).step_by(step)).filter(|(plane, _)| plane.is_flat);
+    let mut logs = vec![f32::NAN; n_points];
+    for (plane, i) in flat() {
+        logs[i] = plane.sigma.max(f64::from(f32::MIN_POSITIVE)).ln() as f32;
     }
     let mut unknown: Vec<u32> =
-        (0..n_points as u32).filter(|&i| noise[i as usize].is_nan()).collect();
+        (0..n_points as u32).filter(|&i| logs[i as usize].is_nan()).collect();
     let mut n_before = n_points + 1;
     while unknown.len() < n_before {
         n_before = unknown.len();
@@ -42,13 +43,20 @@ pub fn spread_noise(
             1,
             || (),
             |(), k, told| {
-                told[0] = mean(graph.of(unknown[k] as usize), &noise);
+                told[0] = mean(graph.of(unknown[k] as usize), &logs);
             },
         )?;
         for (&i, told) in unknown.iter().zip(&told) {
-            noise[i as usize] = *told;
+            logs[i as usize] = *told;
         }
-        unknown.retain(|&i| noise[i as usize].is_nan());
+        unknown.retain(|&i| logs[i as usize].is_nan());
+    }
+    let mut noise = logs;
+    for known in &mut noise {
+        *known = known.exp();
+    }
+    for (plane, i) in flat() {
+        noise[i] = plane.sigma as f32;
     }
     Ok(noise)
 }
@@ -74,14 +82,15 @@ pub fn common_noise(local: &[LocalPlane]) -> Option<f64> {
     (most < DIFFERENT).then_some(median)
 }
 
-/// Geometric mean of what is known, NaN when nothing is.
-fn mean(places: &[u32], noise: &[f32]) -> f32 {
+/// Mean of what is known, NaN when nothing is.
+fn mean(places: &[u32], values: &[f32]) -> f32 {
     let (mut sum, mut count) = (0.0, 0.0);
-    for known in places.iter().map(|&place| noise[place as usize]).filter(|known| !known.is_nan()) {
-        sum += f64::from(known.max(f32::MIN_POSITIVE)).ln();
+    for known in places.iter().map(|&place| values[place as usize]).filter(|known| !known.is_nan())
+    {
+        sum += f64::from(known);
         count += 1.0;
     }
-    f64::exp(sum / count) as f32
+    (sum / count) as f32
 }
 
 #[cfg(test)]

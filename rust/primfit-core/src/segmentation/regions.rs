@@ -233,7 +233,7 @@ pub fn components(graph: &Graph, labels: &[i32]) -> Vec<i32> {
     let mut parent: Vec<u32> = (0..labels.len() as u32).collect();
     for (i, &label) in labels.iter().enumerate().filter(|(_, label)| **label != NOBODY) {
         for &other in graph.of(i) {
-            if labels[other as usize] == label {
+            if labels[other as usize] == label && parent[i] != parent[other as usize] {
                 let (a, b) = (root(&mut parent, i as u32), root(&mut parent, other));
                 parent[a.max(b) as usize] = a.min(b);
             }
