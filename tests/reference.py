@@ -52,7 +52,8 @@ class RayCaster:
         directions = turned(poses, beams)
         origins = np.repeat(poses[:, [3, 7, 11]], len(beams), axis=0)
         true, ids[:] = self.cast(origins, directions)
-        measured = true + sigma * (noise if len(noise) else 0.0)
+        # As normal, but other numbers.
+        measured = true + sigma * np.random.default_rng(noise).standard_normal(len(true))
         if resolution > 0:
             measured = np.rint(measured / resolution) * resolution
         ranges[:] = np.where((true >= low) & (true <= high), measured, np.inf)
