@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import shapely
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial import ConvexHull
 
 import primfit
+from primfit.planes.outlines import thinned
 from primfit.planes.plane import axes_of
 
 
@@ -246,6 +248,24 @@ class TestOutlines:
         area = np.array([12.75, 1, 2.25])
         expected = (16 * 2 - area[1] * 1 - area[2] * 3.25) / area[0]
         np.testing.assert_allclose(plane.centroid, [expected, expected, 2], atol=0.02)
+
+    @pytest.mark.parametrize("n", [5_000, 50_000])
+    @pytest.mark.parametrize("shape", ["square", "disc", "slanted", "frame", "lines"])
+    def test_many_points_are_thinned_but_for_the_corners_of_their_hull(self, n, shape):
+        rng = np.random.default_rng(n)
+        at = rng.uniform(size=(n, 2))
+        radius = np.abs(at - 0.5).max(axis=1)
+        at = {
+            "square": at,
+            "disc": rng.normal(size=(n, 2)),
+            "slanted": at @ np.array([[1.0, 0.9], [0.0, 0.02]]),
+            "frame": at[radius > 0.4],
+            "lines": np.column_stack([np.round(5 * at[:, 0]), at[:, 1]]),
+        }[shape]
+        few = thinned(at)
+        assert len(few) < len(at)
+        assert set(map(tuple, few)) <= set(map(tuple, at))
+        assert ConvexHull(few).volume == pytest.approx(ConvexHull(at).volume, rel=1e-12)
 
     def test_covariance_is_honest(self):
         z = []

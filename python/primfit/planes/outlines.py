@@ -45,7 +45,7 @@ def outline(at: Floats) -> shapely.Polygon:
     """
     at = at - at.mean(axis=0)
     try:
-        at = _thinned(at) if len(at) > _MOST else at
+        at = thinned(at) if len(at) > _MOST else at
         cells = Delaunay(at)
     except (QhullError, ValueError):
         return shapely.Polygon()
@@ -72,7 +72,7 @@ def _sides_of(triangles: Ints) -> Ints:
     return triangles[:, [[1, 2], [2, 0], [0, 1]]]
 
 
-def _thinned(at: Floats) -> Floats:
+def thinned(at: Floats) -> Floats:
     """One point of each cell, and the corners of the hull."""
     low, extent = at.min(axis=0), np.ptp(at, axis=0)
     side = max(np.sqrt(np.prod(extent) / _MOST), extent.max() / _MOST)

@@ -22,7 +22,7 @@ use graph::Graph;
 use growth::{FEWEST, NOBODY, Seed, grow};
 use merging::merge;
 use noise::{common_noise, spread_noise};
-use regions::{Members, compete};
+use regions::compete;
 use roughness::Surfaces;
 use splitting::split;
 
@@ -38,8 +38,8 @@ const LARGE: usize = 500_000;
 const FLATTEST: f64 = 1024.0;
 /// Classes of flatness within each doubling.
 const STEPS: f64 = 4.0;
-/// Rounds of competition, splitting and merging, unless none of so many points of a plane comes or
-/// goes any more, and sweeps of competition that begin them.
+/// Rounds of competition, splitting and merging, which end once no plane gains or loses more than
+/// one in so many of its points, and sweeps of competition that begin them.
 const ROUNDS: usize = 4;
 const SETTLED: usize = 100;
 const SWEEPS: usize = 2;
@@ -127,9 +127,7 @@ fn segment_evenly(
             labels = compete(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;
         }
         labels = merge(&graph, &fitted(&labels), &labels, surfaces);
-        let after = sizes(&labels);
-        let has_settled = |(&a, &b): (&usize, &usize)| SETTLED * a.abs_diff(b) <= a.max(b);
-        if before.len() == after.len() && before.iter().zip(&after).all(has_settled) {
+        if have_settled(&before, &sizes(&labels)) {
             break;
         }
     }
@@ -145,8 +143,20 @@ fn segment_evenly(
 
 /// Points of each label.
 fn sizes(labels: &[i32]) -> Vec<usize> {
-    let members = Members::of(labels);
-    (0..members.len()).map(|label| members.get(label).len()).collect()
+    let mut sizes = Vec::new();
+    for label in labels.iter().filter_map(|&label| usize::try_from(label).ok()) {
+        if label >= sizes.len() {
+            sizes.resize(label + 1, 0);
+        }
+        sizes[label] += 1;
+    }
+    sizes
+}
+
+/// Whether planes keep their points, by how many they had and have.
+fn have_settled(before: &[usize], after: &[usize]) -> bool {
+    let keeps = |(&a, &b): (&usize, &usize)| SETTLED * a.abs_diff(b) <= a.max(b);
+    before.len() == after.len() && before.iter().zip(after).all(keeps)
 }
 
 fn median_size(local: &[LocalPlane]) -> usize {
@@ -172,4 +182,19 @@ fn seeds(tree: &PointTree, local: &[LocalPlane], step: usize, noise: &[f32]) -> 
         .collect();
     seeds.sort_unstable_by_key(|(class, row, _)| (*class, *row));
     seeds.into_iter().map(|(.., seed)| seed).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_settle_when_each_keeps_its_points() {
+        let before = sizes(&[vec![0; 200], vec![NOBODY; 9], vec![1; 50]].concat());
+        assert_eq!(before, [200, 50]);
+        assert!(have_settled(&before, &[202, 50]));
+        for after in [&[203, 50][..], &[200, 49], &[200, 0], &[200], &[200, 50, 1]] {
+            assert!(!have_settled(&before, after), "{after:?}");
+        }
+    }
 }
