@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import primfit
+from primfit.scans import scanning
 from primfit.scans.lidar import E_PUCK_TURRET
 
 EMPTY = primfit.World(arena=primfit.Arena((1, 1)))
@@ -154,6 +155,18 @@ class TestScan:
         for other in scans[1:]:
             np.testing.assert_array_equal(scans[0].ranges, other.ranges)
             np.testing.assert_array_equal(scans[0].solid_index, other.solid_index)
+
+    def test_noise_of_a_beam_follows_from_rng_and_its_row(self, world, monkeypatch):
+        path = primfit.grid_path(world, 0.5, rng=1)
+        lidar = primfit.Lidar(noise=0.02)
+        whole, part, other = (
+            primfit.scan(world, poses, lidar, rng=rng)
+            for poses, rng in ((path, 4), (path[:3], 4), (path[:3], 5))
+        )
+        np.testing.assert_array_equal(whole.ranges[: len(part)], part.ranges)
+        assert (other.ranges != part.ranges)[part.is_return].all()
+        monkeypatch.setattr(scanning, "_BEAMS_AT_ONCE", 1)
+        np.testing.assert_array_equal(primfit.scan(world, path, lidar, rng=4).ranges, whole.ranges)
 
     def test_poses_in_all_forms(self):
         planar = primfit.scan(EMPTY, [(0.5, 0.5, 1.0)])
