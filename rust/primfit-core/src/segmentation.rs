@@ -119,17 +119,19 @@ fn segment_evenly(
             compete(points, &graph, &fitted(&labels), &labels, surfaces, workers)
         })
     };
+    let mut before = sizes(&labels);
     for _ in 0..ROUNDS {
-        let before = sizes(&labels);
         labels = swept(labels)?;
         if surfaces == Surfaces::Smooth {
             labels = split(points, &fitted(&labels), &labels, workers);
             labels = compete(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;
         }
         labels = merge(&graph, &fitted(&labels), &labels, surfaces);
-        if have_settled(&before, &sizes(&labels)) {
+        let after = sizes(&labels);
+        if have_settled(&before, &after) {
             break;
         }
+        before = after;
     }
     labels = swept(accept(tree, &graph, &noise, &labels, surfaces, workers)?)?;
     labels = merge(&graph, &fitted(&labels), &labels, surfaces);

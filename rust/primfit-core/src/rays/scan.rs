@@ -6,9 +6,9 @@ use super::caster::{Hit, RayCaster, Way};
 use super::query::{Query, by_axis, unit};
 use super::tiles::Tiles;
 use crate::{Error, Vector, Workers};
-use rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::SplitMix64;
+use rand_xoshiro::rand_core::SeedableRng;
 use rayon::prelude::*;
 use std::borrow::Cow;
 

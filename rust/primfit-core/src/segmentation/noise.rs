@@ -15,8 +15,9 @@ const DIFFERENT: f64 = 2.3;
 /// Standard deviation of the noise of all points of the graph, of which every `step`-th has a
 /// local plane.
 ///
-/// A flat neighbourhood tells it; from there its logarithm spreads over the graph, since edges, corners and
-/// scattered points have no neighbourhood that tells anything. NaN where it does not get.
+/// A flat neighbourhood tells it; from there its logarithm spreads over the graph, since edges,
+/// corners and scattered points have no neighbourhood that tells anything. NaN where it does not
+/// get.
 ///
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
