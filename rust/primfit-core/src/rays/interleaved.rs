@@ -107,7 +107,7 @@ pub fn cast<I: Isa, Q: Query>(
                 continue;
             }
             if let Some((row, direction)) = flying.take() {
-                query.answer(row, direction, flight.walk.hit);
+                query.answer_one(row, direction, flight.walk.hit);
             }
             match supply.next::<I, Q>(tree, query) {
                 Next::Enters { row, direction, ray, exact } => {

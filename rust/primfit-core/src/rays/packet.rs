@@ -15,7 +15,7 @@ use super::bundle::{Bundle, Doubles, Floats};
 use super::caster::Hit;
 use super::interleaved::{self, Flight, prefetch_child};
 use super::leaf::Triangles;
-use super::query::Query;
+use super::query::{Nearest, Query};
 use super::ray::{Start, ULP};
 use super::tiles::{RAYS, Tiles};
 use super::tree::{Block, LEAF, Node, Tree, WIDTH};
@@ -44,8 +44,7 @@ pub struct Packet {
     /// Axes and shears when all rays have the same longest component.
     axes: Option<[usize; 3]>,
     shears: [Doubles; 3],
-    ranges: Doubles,
-    triangles: [i64; RAYS],
+    nearest: Nearest<RAYS>,
     beam: [Span; 3],
     stack: [(u64, u32); STACK],
     waiting: usize,
@@ -73,10 +72,7 @@ pub fn cast<I: Isa, Q: Query>(
         }
         packet.prepare::<I>(tree);
         packet.traverse::<I>(tree, flights, u32::MAX >> (32 - count));
-        for i in 0..count {
-            let hit = packet.hit(i);
-            query.answer(rows[i] as usize, lane(&packet.bundle.exact, i), hit);
-        }
+        query.answer(rows, count, &packet.bundle.exact, &packet.nearest);
     }
     true
 }
@@ -91,8 +87,7 @@ impl Packet {
             last: 0.0,
             axes: None,
             shears: [[0.0; RAYS]; 3],
-            ranges: [0.0; RAYS],
-            triangles: [0; RAYS],
+            nearest: Nearest::none(),
             beam: [Span::Both { low: 0.0, high: 0.0 }; 3],
             stack: [(0, 0); STACK],
             waiting: 0,
@@ -110,8 +105,7 @@ impl Packet {
         (self.axes, self.shears) = self.bundle.shear();
         self.limits = [self.start.limit(); RAYS];
         self.last = self.start.limit();
-        self.ranges = [f64::INFINITY; RAYS];
-        self.triangles = [-1; RAYS];
+        self.nearest = Nearest::none();
         self.waiting = 0;
     }
 
@@ -260,11 +254,11 @@ impl Packet {
         {
             let mut positions = [0.0; RAYS];
             for i in 0..RAYS {
-                let (old, new) = (self.ranges[i], depths[i]);
-                let is_before = (new < old) | ((new == old) & (id < self.triangles[i]));
-                self.ranges[i] = if is_before { new } else { old };
-                self.triangles[i] = if is_before { id } else { self.triangles[i] };
-                positions[i] = self.ranges[i] * self.bundle.scales[i];
+                let (old, new) = (self.nearest.ranges[i], depths[i]);
+                let is_before = (new < old) | ((new == old) & (id < self.nearest.triangles[i]));
+                self.nearest.ranges[i] = if is_before { new } else { old };
+                self.nearest.triangles[i] = if is_before { id } else { self.nearest.triangles[i] };
+                positions[i] = self.nearest.ranges[i] * self.bundle.scales[i];
             }
             let reach = I::Sixteen::splat(8.0 * ULP * self.start.reach);
             let limits = I::Sixteen::narrow(&positions) + reach;
@@ -278,9 +272,8 @@ impl Packet {
             candidates &= candidates - 1;
             if let Some(range) = self.exact(i).cast(&triangle.corners) {
                 let hit = Hit { range, triangle: id };
-                if hit.is_before(self.hit(i)) {
-                    self.ranges[i] = range;
-                    self.triangles[i] = id;
+                if hit.is_before(self.nearest.get(i)) {
+                    self.nearest.set(i, hit);
                     let limit =
                         (range * self.bundle.scales[i]) as f32 + 8.0 * ULP * self.start.reach;
                     self.limits[i] = self.limits[i].min(limit);
@@ -299,7 +292,7 @@ impl Packet {
             let i = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let ray = self.bundle.ray(i, self.start, self.limits[i]);
-            let (exact, hit) = (self.exact(i), self.hit(i));
+            let (exact, hit) = (self.exact(i), self.nearest.get(i));
             flight.restart(tree, ray, exact, hit, child);
         }
         interleaved::finish::<I>(tree, flights);
@@ -307,15 +300,9 @@ impl Packet {
         for flight in flights {
             let i = rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            let hit = flight.walk.hit;
-            (self.ranges[i], self.triangles[i]) = (hit.range, hit.triangle);
+            self.nearest.set(i, flight.walk.hit);
             self.limits[i] = flight.walk.ray.limit;
         }
         self.last = I::Sixteen::load(&self.limits).greatest();
-    }
-
-    #[inline(always)]
-    fn hit(&self, i: usize) -> Hit {
-        Hit { range: self.ranges[i], triangle: self.triangles[i] }
     }
 }

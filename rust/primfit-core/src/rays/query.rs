@@ -7,6 +7,28 @@
 use super::caster::Hit;
 use crate::Vector;
 
+/// What some rays hit first, as [`Hit`] says it.
+pub struct Nearest<const N: usize> {
+    pub ranges: [f64; N],
+    pub triangles: [i64; N],
+}
+
+impl<const N: usize> Nearest<N> {
+    pub fn none() -> Self {
+        Self { ranges: [f64::INFINITY; N], triangles: [-1; N] }
+    }
+
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> Hit {
+        Hit { range: self.ranges[i], triangle: self.triangles[i] }
+    }
+
+    #[inline(always)]
+    pub fn set(&mut self, i: usize, hit: Hit) {
+        (self.ranges[i], self.triangles[i]) = (hit.range, hit.triangle);
+    }
+}
+
 /// Rays by row; each way through the tree asks for them and answers them in its own order.
 pub trait Query {
     fn len(&self) -> usize;
@@ -22,8 +44,22 @@ pub trait Query {
     /// The directions of some rows, by axis.
     fn directions<const N: usize>(&self, rows: [u32; N]) -> [[f64; N]; 3];
 
+    /// Takes what some rays hit first, of which the first `count` are asked for; directions by
+    /// axis, at unit length.
+    fn answer<const N: usize>(
+        &mut self,
+        rows: [u32; N],
+        count: usize,
+        directions: &[[f64; N]; 3],
+        hits: &Nearest<N>,
+    );
+
     /// Takes what a ray hits first; `direction` has unit length.
-    fn answer(&mut self, row: usize, direction: Vector, hit: Hit);
+    #[inline(always)]
+    fn answer_one(&mut self, row: usize, direction: Vector, hit: Hit) {
+        let hits = Nearest { ranges: [hit.range], triangles: [hit.triangle] };
+        self.answer([row as u32], 1, &direction.map(|x| [x]), &hits);
+    }
 
     /// The direction of a ray at unit length; None when it has none.
     #[inline(always)]
@@ -35,7 +71,7 @@ pub trait Query {
     fn miss(&mut self) -> bool {
         (0..self.len()).all(|row| {
             let direction = self.unit(row);
-            self.answer(row, direction.unwrap_or_default(), Hit::NONE);
+            self.answer_one(row, direction.unwrap_or_default(), Hit::NONE);
             direction.is_some()
         })
     }
@@ -77,9 +113,18 @@ impl Query for Rays<'_> {
     }
 
     #[inline(always)]
-    fn answer(&mut self, row: usize, _: Vector, hit: Hit) {
-        self.ranges[row] = hit.range;
-        self.ids[row] = hit.id(self.names);
+    fn answer<const N: usize>(
+        &mut self,
+        rows: [u32; N],
+        count: usize,
+        _: &[[f64; N]; 3],
+        hits: &Nearest<N>,
+    ) {
+        for i in 0..count {
+            let row = rows[i] as usize;
+            self.ranges[row] = hits.ranges[i];
+            self.ids[row] = hits.get(i).id(self.names);
+        }
     }
 }
 

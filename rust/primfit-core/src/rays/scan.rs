@@ -1,9 +1,11 @@
 //! The readings of one sensor from many poses.
 
 #![allow(clippy::inline_always)]
+// Lazy operators would be branches; lanes are counted, so that the compiler sees whole vectors.
+#![allow(clippy::needless_bitwise_bool, clippy::needless_range_loop)]
 
-use super::caster::{Hit, RayCaster, Way};
-use super::query::{Query, by_axis, unit};
+use super::caster::{RayCaster, Way};
+use super::query::{Nearest, Query, by_axis, unit};
 use super::tiles::Tiles;
 use crate::{Error, Vector, Workers};
 use rand_distr::{Distribution, StandardNormal};
@@ -39,20 +41,25 @@ pub struct Gate {
 }
 
 impl Gate {
-    /// What the beam of a number reads of a true range; infinite for nothing.
+    /// What beams of some numbers read of true ranges; infinite for nothing.
     #[inline(always)]
-    fn reading(&self, range: f64, number: u64) -> f64 {
-        if !(range >= self.min_range && range <= self.max_range) {
-            return f64::INFINITY;
+    fn readings<const N: usize>(&self, ranges: &[f64; N], numbers: [u64; N]) -> [f64; N] {
+        let mut readings = *ranges;
+        for range in &mut readings {
+            let is_within = (*range >= self.min_range) & (*range <= self.max_range);
+            *range = if is_within { *range } else { f64::INFINITY };
         }
-        let mut reading = range;
         if self.sigma > 0.0 {
-            reading += self.sigma * self.noise(number);
+            for (reading, number) in readings.iter_mut().zip(numbers) {
+                *reading += self.sigma * self.noise(number);
+            }
         }
         if self.resolution > 0.0 {
-            return (reading / self.resolution).round_ties_even() * self.resolution;
+            for reading in &mut readings {
+                *reading = (*reading / self.resolution).round_ties_even() * self.resolution;
+            }
         }
-        reading
+        readings
     }
 
     /// The standard normal noise of the beam of a number, whichever thread asks for it.
@@ -211,14 +218,30 @@ impl Query for Part<'_> {
     }
 
     #[inline(always)]
-    fn answer(&mut self, row: usize, direction: Vector, hit: Hit) {
-        let reading = self.gate.reading(hit.range, self.first + row as u64);
-        let origin = self.origin(row);
-        // No reading is no point.
-        let way = if reading < f64::INFINITY { reading } else { f64::NAN };
-        self.readings.points[row] = std::array::from_fn(|k| direction[k] * way + origin[k]);
-        self.readings.ranges[row] = reading;
-        self.readings.ids[row] = hit.id(self.names);
+    fn answer<const N: usize>(
+        &mut self,
+        rows: [u32; N],
+        count: usize,
+        directions: &[[f64; N]; 3],
+        hits: &Nearest<N>,
+    ) {
+        let readings =
+            self.gate.readings(&hits.ranges, rows.map(|row| self.first + u64::from(row)));
+        let origin = self.origin(0);
+        let mut ends = [[0.0; N]; 3];
+        for k in 0..3 {
+            for i in 0..N {
+                // No reading is no point.
+                let way = if readings[i] < f64::INFINITY { readings[i] } else { f64::NAN };
+                ends[k][i] = directions[k][i] * way + origin[k];
+            }
+        }
+        for i in 0..count {
+            let row = rows[i] as usize;
+            self.readings.points[row] = [ends[0][i], ends[1][i], ends[2][i]];
+            self.readings.ranges[row] = readings[i];
+            self.readings.ids[row] = hits.get(i).id(self.names);
+        }
     }
 }
 

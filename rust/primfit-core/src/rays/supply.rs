@@ -55,9 +55,9 @@ impl<'a> Supply<'a> {
             }
             match Ray::approach(origin, direction, &tree.frame) {
                 Approach::Enters(ray) => return Next::Enters { row, direction, ray, exact },
-                Approach::Passes => query.answer(row, direction, Hit::NONE),
+                Approach::Passes => query.answer_one(row, direction, Hit::NONE),
                 Approach::Unclear => {
-                    query.answer(row, direction, cast_at_all(tree, origin, direction));
+                    query.answer_one(row, direction, cast_at_all(tree, origin, direction));
                 }
             }
         }

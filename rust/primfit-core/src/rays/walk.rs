@@ -144,7 +144,7 @@ pub fn cast<I: Isa, Q: Query>(
             Next::Enters { row, direction, ray, exact } => {
                 walk.restart(ray, exact, Hit::NONE);
                 walk.finish::<I>(tree, 0);
-                query.answer(row, direction, walk.hit);
+                query.answer_one(row, direction, walk.hit);
             }
             Next::NoDirection => return false,
             Next::NoMore => return true,
