@@ -189,6 +189,25 @@ def test_the_sampler_survives_a_cost_that_is_infinite_almost_everywhere():
     assert np.abs(found.mean).max() < 0.01
 
 
+def test_the_sampler_follows_its_rng_alone_and_lets_errors_through():
+    effort = Effort(n=50, generations=4, wanted=1e9, least=0.0, chained=0)
+
+    def found(seed):
+        rng = np.random.default_rng(seed)
+        return sample(lambda x: (x**2).sum(axis=1), np.zeros(2), np.eye(2), rng, effort)
+
+    np.testing.assert_array_equal(found(1).covariance, found(1).covariance)
+    assert (found(1).covariance != found(2).covariance).all()
+
+    def fail(_):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        sample(fail, np.zeros(2), np.eye(2), np.random.default_rng(1), effort)
+    with pytest.raises(ValueError, match="costs"):
+        sample(lambda x: x[1:, 0], np.zeros(2), np.eye(2), np.random.default_rng(1), effort)
+
+
 def climbed_slowly(beams, shape, start, top, steps):
     """Parameters, cost and covariance as `climb` should find them."""
 

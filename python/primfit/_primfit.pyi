@@ -1,4 +1,4 @@
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import final
 
 import numpy as np
@@ -15,6 +15,7 @@ __all__ = [
     "fit_plane_to_ranges",
     "passages",
     "residuals",
+    "sample",
     "score_planes",
     "turned",
 ]
@@ -156,6 +157,15 @@ def residuals(
     directions: NDArray[np.float64] | None,
     equation: Sequence[float] | NDArray[np.float64],
 ) -> NDArray[np.float64]: ...
+def sample(
+    cost: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    mean: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    seed: int,
+    n: int,
+    generations: int,
+    wanted: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float, float, float]: ...
 def score_planes(
     points: NDArray[np.float64],
     equations: NDArray[np.float64],

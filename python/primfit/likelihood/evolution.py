@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from primfit._check import Floats
-from primfit.likelihood.sampling import Effort, Posterior, root_of
+from primfit.likelihood.sampling import Effort, Posterior
 
 _CHAINS = 4
 """Chains a parameter."""
@@ -47,7 +47,7 @@ def evolve(
     d = len(mean)
     n = 2 * max(_CHAINS * d // 2, 2)
     steps = max(effort.n_chained(d) // n, 10)
-    root = root_of(covariance)
+    root = _root_of(covariance)
     at = mean + _START * rng.normal(size=(n, d)) @ root.T
     at[0] = mean
     costs = cost(at)
@@ -83,3 +83,11 @@ def evolve(
     average = float(np.mean(kept_costs))
     evidence = 0.5 * (d * np.log(2 * np.pi * np.e) + np.linalg.slogdet(covariance)[1]) - average
     return Posterior(mean, covariance, best, best_cost, float(evidence), size)
+
+
+def _root_of(covariance: Floats) -> Floats:
+    """A square root (d, d) of a covariance that rounding may have made singular."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    correlation = covariance / np.outer(scale, scale)
+    root: Floats = np.linalg.cholesky(correlation + 1e-10 * np.eye(len(scale)))
+    return scale[:, None] * root

@@ -5,12 +5,15 @@ mod carving;
 mod climbing;
 mod expansion;
 mod family;
+mod sampling;
+mod student;
 
 pub use beams::{BeamBlocks, Beams, Candidate, Prices};
 pub use carving::{Grid, carve};
 pub use climbing::{Climb, Slope};
 pub use expansion::{Expansion, expand};
 pub use family::Family;
+pub use sampling::{Effort, Posterior, sample};
 
 use crate::instructions::widest;
 use crate::lanes::{Isa, Lanes};

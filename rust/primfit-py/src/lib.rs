@@ -29,7 +29,7 @@ mod _primfit {
     #[pymodule_export]
     use crate::family::Family;
     #[pymodule_export]
-    use crate::likelihood::{BeamBlocks, carve};
+    use crate::likelihood::{BeamBlocks, carve, sample};
     #[pymodule_export]
     use crate::neighbors::PointTree;
     #[pymodule_export]

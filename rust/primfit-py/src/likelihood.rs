@@ -7,7 +7,7 @@ use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
 };
-use primfit_core::{Beams, Candidate, Grid, Prices, Slope};
+use primfit_core::{Beams, Candidate, Effort, Grid, Prices, Slope};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -16,6 +16,16 @@ type Expansion<'py> =
     (f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>);
 /// Parameters, cost and covariance at the end of a climb.
 type Climb<'py> = (Bound<'py, PyArray1<f64>>, f64, Bound<'py, PyArray2<f64>>);
+
+/// Mean, covariance, best draw, its cost, log evidence and size of a posterior.
+type Posterior<'py> = (
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    f64,
+    f64,
+    f64,
+);
 
 /// Beams ready for the costs of many prisms.
 #[pyclass(frozen, module = "primfit._primfit")]
@@ -184,4 +194,39 @@ pub fn carve<'py>(
         primfit_core::carve(origins, directions, certain, reach, grid, workers)
     })?;
     counts.into_flattened().into_pyarray(py).reshape([shape[0], shape[1], 2])
+}
+
+#[pyfunction]
+// Where to start, and how hard to try.
+#[allow(clippy::too_many_arguments)]
+pub fn sample<'py>(
+    py: Python<'py>,
+    cost: Bound<'py, PyAny>,
+    mean: PyReadonlyArray1<f64>,
+    covariance: PyReadonlyArray2<f64>,
+    seed: u64,
+    n: usize,
+    generations: usize,
+    wanted: f64,
+) -> PyResult<Posterior<'py>> {
+    let (mean, covariance) = (mean.as_slice()?, covariance.as_slice()?);
+    let d = mean.len();
+    same_length("covariance", covariance.len(), "mean x mean", d * d)?;
+    let cost = |draws: &[f64]| {
+        let draws = draws.to_vec().into_pyarray(py).reshape([n, d])?;
+        let costs =
+            cost.call1((draws,))?.cast_into::<PyArray1<f64>>()?.readonly().as_array().to_vec();
+        same_length("costs", costs.len(), "draws", n)?;
+        Ok::<_, PyErr>(costs)
+    };
+    let effort = Effort { n, generations, wanted };
+    let found = primfit_core::sample(cost, mean, covariance, seed, effort)?;
+    Ok((
+        found.mean.into_pyarray(py),
+        found.covariance.into_pyarray(py).reshape([d, d])?,
+        found.best.into_pyarray(py),
+        found.cost,
+        found.log_evidence,
+        found.size,
+    ))
 }
