@@ -189,6 +189,14 @@ def test_the_sampler_survives_a_cost_that_is_infinite_almost_everywhere():
     assert np.abs(found.mean).max() < 0.01
 
 
+def test_the_sampler_survives_a_start_without_spread():
+    effort = Effort(n=50, generations=8, wanted=50.0, least=0.0, chained=0)
+    start, rng = np.ones(12)[::2], np.random.default_rng(1)
+    found = sample(lambda x: (x**2).sum(axis=1), start, np.zeros((7, 7))[:6, :6], rng, effort)
+    assert np.isfinite(found.log_evidence)
+    np.testing.assert_allclose(found.mean, start)
+
+
 def test_the_sampler_follows_its_rng_alone_and_lets_errors_through():
     effort = Effort(n=50, generations=4, wanted=1e9, least=0.0, chained=0)
 

@@ -16,6 +16,14 @@ CONCAVE = {
 }
 
 
+def scanned_map(noise, seed):
+    rng = np.random.default_rng(seed)
+    kinds = ["triangle", "square", "rectangle", "pentagon"]
+    world = primfit.random_world((5, 7), 2.0, kinds, rng)
+    path = primfit.grid_path(world, 0.25, rng=rng)
+    return world, primfit.scan(world, path, primfit.Lidar(noise=noise), rng=rng)
+
+
 def scanned(world, noise, seed, spacing=0.25):
     path = primfit.grid_path(world, spacing, rng=seed)
     return primfit.scan(world, path, primfit.Lidar(noise=noise), rng=seed)
@@ -52,6 +60,17 @@ def test_two_triangles_three_centimetres_apart_in_much_noise():
     report = primfit.evaluate(primfit.detect(scanned(world, 0.2, 5), rng=5), world)
     assert report.all_right
     assert max(row.center_error_mm for row in report.rows) < 2.5
+
+
+@pytest.mark.parametrize(("noise", "seed"), [(0.2, 370064), (0.2, 360090), (0.1, 380012)])
+def test_two_solids_of_a_map_grow_from_one_seed(noise, seed):
+    world, scan = scanned_map(noise, seed)
+    assert primfit.evaluate(primfit.detect(scan, rng=2), world).all_right
+
+
+def test_a_few_beams_by_chance_are_no_solid():
+    world, scan = scanned_map(0.025, 370000)
+    assert len(primfit.detect(scan, rng=1).solids) == len(world.solids)
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.05])

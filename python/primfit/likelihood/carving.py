@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -55,6 +55,8 @@ class Seed:
         Size of the cells that it is made of: it lacks those that a solid fills in part.
     parts : tuple of Seed
         What it falls into where it is cut at its necks, if it may be several solids.
+    is_cut : bool
+        Whether it is such a part: then it may hold more than its solid, on one side.
     """
 
     center: Floats
@@ -62,13 +64,14 @@ class Seed:
     outline: Floats
     cell: float
     parts: tuple[Seed, ...] = ()
+    is_cut: bool = False
 
     @classmethod
-    def of_outline(cls, outline: Floats, cell: float = 0.0) -> Seed:
-        """The inside of a polygon (m, 2), counter-clockwise."""
-        polygon = shapely.Polygon(outline)
+    def of_polygon(cls, polygon: shapely.Polygon, cell: float, *, is_cut: bool) -> Seed:
+        """The inside of a polygon."""
+        outline = shapely.get_coordinates(shapely.orient_polygons(polygon).exterior)[:-1]
         center = shapely.get_coordinates(polygon.centroid)[0]
-        return cls(center, float(polygon.area), outline, cell)
+        return cls(center, float(polygon.area), outline, cell, is_cut=is_cut)
 
     @property
     def hull(self) -> Floats:
@@ -84,12 +87,7 @@ class Seed:
         short = min(sides, key=np.linalg.norm)
         line = shapely.LineString([self.center - short, self.center + short])
         pieces = shapely.ops.split(shapely.Polygon(self.outline), line).geoms
-        return tuple(
-            Seed.of_outline(
-                shapely.get_coordinates(shapely.orient_polygons(piece).exterior)[:-1], self.cell
-            )
-            for piece in pieces
-        )
+        return tuple(Seed.of_polygon(piece, self.cell, is_cut=True) for piece in pieces)
 
     @property
     def radius(self) -> float:
@@ -155,7 +153,8 @@ class Carving:
             is_crossed = n_crossings >= min(_CROSSINGS * n_cells, _ENOUGH)
             if n_cells >= _LEAST_CELLS and is_crossed:
                 corner = np.array([side.start for side in window])
-                parts = tuple(self._seed(part, corner) for part in _cut_at_necks(piece))
+                cut = (self._seed(part, corner) for part in _cut_at_necks(piece))
+                parts = tuple(replace(part, is_cut=True) for part in cut)
                 seeds.append(self._seed(piece, corner, parts if len(parts) > 1 else ()))
         return seeds
 

@@ -11,7 +11,7 @@ import shapely
 from primfit._check import Floats
 from primfit.likelihood.beams import Beams
 from primfit.likelihood.carving import Seed
-from primfit.likelihood.fitting import Fit, Top, approach, climb, find_top, narrowed, settle
+from primfit.likelihood.fitting import Fit, Top, approach, climb, find_top, settle
 from primfit.likelihood.sampling import QUICK, THOROUGH, Effort
 from primfit.likelihood.scene import Obstacle, Scene
 from primfit.likelihood.templates import RECTANGLE, TEMPLATES, FreePolygon, Shape, Template, kin
@@ -36,6 +36,12 @@ _TURNS = 0.17
 
 _SHARES = (0.75, 0.95)
 """Areas of guesses, as shares of the seed's, which is never too small."""
+
+_CUT_SHARES = (0.3, 0.5, *_SHARES)
+"""The same of a part of a seed."""
+
+_CUT_MOVES = 0.2 * np.array([[x, y] for x in (-1, 0, 1) for y in (-1, 0, 1)])
+"""Where the centre of its solid is sought from its own, in its size."""
 
 _SHORTLIST = 5
 """Kinds that are fitted well after a rough fit."""
@@ -117,18 +123,15 @@ class Body:
         return self.contenders[0].top
 
 
-def first_guesses(
-    beams: Beams,
-    template: Template,
-    seed: Seed,
-    top: float,
-    shares: tuple[float, ...] = _SHARES,
-) -> list[Floats]:
+def first_guesses(beams: Beams, template: Template, seed: Seed, top: float) -> list[Floats]:
     """The best of a grid of angles and sizes about a seed, and the best at another angle."""
+    shares = _CUT_SHARES if seed.is_cut else _SHARES
+    moves = float(np.sqrt(seed.area)) * _CUT_MOVES if seed.is_cut else np.zeros((1, 2))
     n_turns = int(np.ceil(template.period / _TURNS))
     guesses = np.array(
         [
-            [*seed.center, angle, *sizes]
+            [*center, angle, *sizes]
+            for center in seed.center + moves
             for angle in np.arange(n_turns) / n_turns * template.period
             for share in shares
             for sizes in template.sizes_of_area(share * seed.area)
@@ -308,9 +311,11 @@ def _sampled(
     effort: Effort,
     worst: float = np.inf,
 ) -> Contender:
-    """A contender sampled with one beam in `stride`, from what is known of it."""
-    fit = narrowed(start.fit, start.stride / stride) if start.stride else start.fit
-    fit, top, found = settle(beams, fit, start.top, rng, effort, worst)
+    """A contender sampled with one beam in `stride`, from what is known of it.
+
+    It starts as wide as it is known with fewer beams, lest it miss a mode.
+    """
+    fit, top, found = settle(beams, start.fit, start.top, rng, effort, worst)
     evidence = found.log_evidence + fit.shape.log_prior(scene.noise.reach)
     return Contender(fit, top, found.best[: fit.shape.n_parameters], evidence, stride)
 

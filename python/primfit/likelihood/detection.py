@@ -21,7 +21,7 @@ from primfit.likelihood.carving import Seed, carve
 from primfit.likelihood.competition import SOME, Body, compete, compete_finely, sketch, weigh
 from primfit.likelihood.description import describe
 from primfit.likelihood.fitting import Fit
-from primfit.likelihood.repair import LEAST_GAIN, MISFIT, repair
+from primfit.likelihood.repair import LEAST_GAIN, MISFIT, gain, repair
 from primfit.likelihood.scene import Obstacle, Scene
 from primfit.likelihood.surroundings import find_room, measure_noise, survey
 from primfit.planes.scan_planes import Progress, check_enough, find_floor, noisy_points
@@ -40,6 +40,9 @@ _SLIVER = 0.4
 
 _MISSED = 4.0 * MISFIT
 """Misfit where a solid is missing, while its neighbours are known roughly: theirs is less."""
+
+_WEAK = 250.0
+"""Log-likelihood that a body gains by some of the beams below which all of them are asked."""
 
 _BLURRED = 0.5
 """Noise, as a multiple of the sensor's height, beyond which the floor hides low solids."""
@@ -183,8 +186,11 @@ def _drop_needless(scene: Scene, bodies: list[Body], misfit: float = np.inf) -> 
         gains = scene.gains()
         gains[[any(body is each for each in needed) for body in bodies]] = np.inf
         i = int(np.argmin(gains))
-        if gains[i] > LEAST_GAIN:
+        if gains[i] > _WEAK:
             return
+        if gain(scene, bodies, i) > LEAST_GAIN:
+            needed.append(bodies[i])
+            continue
         obstacle = scene.obstacles.pop(i)
         if scene.misfit(obstacle.center, 1.3 * obstacle.radius) < misfit:
             del bodies[i]

@@ -6,7 +6,7 @@ saw it; `settle` samples all of the likelihood, for shape and top together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -153,15 +153,6 @@ def _search_top(beams: Beams, footprint: Floats, highest: float) -> Top:
         if sigma > 2.0 * step or high - low < 1e-6 * beams.noise.reach:
             return Top(z, max(sigma, step))
         low, high = max(z - 8.0 * step, beams.base), min(z + 8.0 * step, highest)
-
-
-def narrowed(fit: Fit, ratio: float) -> Fit:
-    """A fit to some beams as a place to start from with `ratio` times as many.
-
-    Its variance falls with their number where ranges tell, with its square where silhouettes do;
-    what it starts from may be off by as much as it says.
-    """
-    return replace(fit, covariance=fit.covariance / np.sqrt(ratio))
 
 
 def settle(

@@ -30,6 +30,12 @@ _TOUCHING = 0.02
 _LEAST_CELLS = 9
 """Cells of the smallest part of a seed."""
 
+_ROUNDS = 3
+"""Times that parts are sought once more."""
+
+_RIM = 0.1
+"""Width of what a body leaves of a seed around it, in the size of the seed, that may be nothing."""
+
 Alternative = Callable[[Scene, list[Body], Body, float], list[Body]]
 
 
@@ -38,10 +44,11 @@ def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generat
 
     Nothing, another kind, now that the neighbours are known, the parts of the seed, and a free
     polygon compete by the Bayesian information criterion on the beams that come near. Since what
-    one body lacks often is the fault of another, all have a try at another kind first.
+    one body lacks often is the fault of another, all have a try at another kind first, the worst
+    before the others.
     """
     for alternatives in (_ALTERNATIVES[:1], _ALTERNATIVES):
-        queue = list(bodies)
+        queue = sorted(bodies, key=lambda body: -_misfit(scene, body))
         all_fit = True
         while queue:
             body = queue.pop(0)
@@ -56,6 +63,15 @@ def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generat
                 queue += best
         if all_fit:
             return
+
+
+def gain(scene: Scene, bodies: list[Body], i: int) -> float:
+    """Log-likelihood that body i gains over nothing, beyond what its parameters cost."""
+    body, others = bodies[i], bodies[:i] + bodies[i + 1 :]
+    rows = scene.rows_near(body.seed.center, _AROUND * body.seed.radius)
+    gained = _score(scene, others, [], rows) - _score(scene, others, [body], rows)
+    scene.obstacles = [each.obstacle for each in bodies]
+    return gained
 
 
 def _instead(
@@ -78,10 +94,13 @@ def _instead(
         return []
     for alternative in alternatives:
         option = alternative(scene, others, body, cell)
-        option = _settled(scene, others, option, rng)
-        if len(option) > 1 and any(_misfit(scene, part) > MISFIT for part in option):
-            # What a part is depends on what the others are, which is known better by now.
-            again = [_anew(scene, len(others) + j, part.seed) for j, part in enumerate(option)]
+        option = _needed(scene, others, _settled(scene, others, option, rng), rows)
+        for _ in range(_ROUNDS):
+            if len(option) < 2 or all(_misfit(scene, part) <= MISFIT for part in option):
+                break
+            again = _parts_anew(scene, others, option, body.seed, rows)
+            if again == option:
+                break
             again = _settled(scene, others, again, rng)
             option = min(option, again, key=lambda each: _score(scene, others, each, rows))
         if not option or _touch(option, float(np.sqrt(body.seed.area))):
@@ -102,6 +121,16 @@ def _settled(
     scene.obstacles = [each.obstacle for each in tried]
     compete_finely(scene, tried, len(others), rng)
     return tried[len(others) :]
+
+
+def _needed(scene: Scene, others: list[Body], option: list[Body], rows: Ints) -> list[Body]:
+    """Parts without those that the others leave next to nothing to explain, the smallest first."""
+    for part in sorted(option, key=lambda each: each.seed.area)[:-1]:
+        rest = [each for each in option if each is not part]
+        if _score(scene, others, rest, rows) < _score(scene, others, option, rows) + LEAST_GAIN:
+            option = rest
+    scene.obstacles = [each.obstacle for each in others + option]
+    return option
 
 
 def _misfit(scene: Scene, body: Body) -> float:
@@ -125,6 +154,34 @@ def _anew(scene: Scene, i: int, seed: Seed) -> Body:
     return compete(scene, i, sketch(scene, i, seed))
 
 
+def _parts_anew(
+    scene: Scene, others: list[Body], parts: list[Body], seed: Seed, rows: Ints
+) -> list[Body]:
+    """Parts of a seed, each once more where that is better, since the others are known by now."""
+    parts = list(parts)
+    for j in sorted(range(len(parts)), key=lambda j: -_misfit(scene, parts[j])):
+        tries = [parts[j]]
+        for place in (parts[j].seed, _left(seed, parts[:j] + parts[j + 1 :])):
+            scene.obstacles = [each.obstacle for each in others + parts]
+            if place is not None:
+                tries.append(_anew(scene, len(others) + j, place))
+        options = [[*parts[:j], each, *parts[j + 1 :]] for each in tries]
+        parts = min(options, key=lambda each: _score(scene, others, each, rows))
+    scene.obstacles = [each.obstacle for each in others + parts]
+    return parts
+
+
+def _left(seed: Seed, bodies: list[Body]) -> Seed | None:
+    """The largest piece of a seed that bodies leave, without the rims around them."""
+    rim = _RIM * float(np.sqrt(seed.area))
+    covered = shapely.union_all([shapely.Polygon(each.footprint) for each in bodies])
+    left = shapely.Polygon(seed.outline).difference(covered).buffer(-rim).buffer(rim)
+    piece = max(shapely.get_parts(left), key=shapely.area, default=shapely.Polygon())
+    if piece.area <= _LEAST_CELLS * seed.cell**2:
+        return None
+    return Seed.of_polygon(piece, seed.cell, is_cut=True)
+
+
 def _as_polygon(scene: Scene, others: list[Body], body: Body, _: float) -> list[Body]:
     """The body as a free polygon, or as a known kind where that is."""
     seed, top = body.seed, body.obstacle.top
@@ -135,7 +192,7 @@ def _as_polygon(scene: Scene, others: list[Body], body: Body, _: float) -> list[
     if polygon is None:
         return []
     # The polygon may tell the place of a known kind better than the seed.
-    place = Seed.of_outline(polygon.footprint)
+    place = Seed.of_polygon(shapely.Polygon(polygon.footprint), 0.0, is_cut=False)
     scene.obstacles.append(Obstacle(place.outline, top))
     kinds = [each.fit for each in _anew(scene, len(others), place).contenders]
     return [as_body([polygon, *kinds], find_top(beams, polygon.footprint), seed)]

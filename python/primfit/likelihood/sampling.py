@@ -43,7 +43,7 @@ class Effort:
         return self.chained * n_parameters**2 // FEW**2
 
 
-QUICK = Effort(n=96, generations=8, wanted=40.0, least=13.0, chained=768)
+QUICK = Effort(n=144, generations=8, wanted=40.0, least=13.0, chained=768)
 THOROUGH = Effort(n=320, generations=12, wanted=400.0, least=67.0, chained=1920)
 """To sample a level, and a posterior that is reported: proposals that follow few draws make its
 spread too small."""
@@ -101,4 +101,5 @@ def sample(
     """
     seed = int(rng.integers(1 << 64, dtype=np.uint64))
     limits = effort.n, effort.generations, effort.wanted
-    return Posterior(*_primfit.sample(cost, mean, covariance, seed, *limits))
+    start = np.ascontiguousarray(mean), np.ascontiguousarray(covariance)
+    return Posterior(*_primfit.sample(cost, *start, seed, *limits))

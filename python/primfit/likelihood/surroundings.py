@@ -9,7 +9,7 @@ import shapely
 
 from primfit._check import Floats
 from primfit.likelihood.beams import LEAST_SIGMA, Noise
-from primfit.likelihood.fitting import Fit, Top, approach, climb, narrowed, settle
+from primfit.likelihood.fitting import Fit, Top, approach, climb, settle
 from primfit.likelihood.sampling import QUICK
 from primfit.likelihood.scene import Obstacle, Scene
 from primfit.likelihood.templates import RECTANGLE
@@ -77,10 +77,8 @@ def survey(
             some = beams.thinned(coarse // fine, 0.0)
             room = climb(some, room.shape, room.parameters, scene.ceiling)
         # Walls at the end of the reach hold a climb where it begins.
-        steps = [(fine, all_beams)] if again else [(coarse, coarse), (coarse, fine)]
-        for before, here in steps:
-            start = narrowed(room, before / here)
-            room, _, _ = settle(beams.some(here), start, Top(scene.ceiling, np.nan), rng, QUICK)
+        for here in (all_beams,) if again else (coarse, fine):
+            room, _, _ = settle(beams.some(here), room, Top(scene.ceiling, np.nan), rng, QUICK)
         scene.room = Obstacle(room.footprint, scene.ceiling)
     base_sigma = None
     if has_floor:

@@ -7,6 +7,8 @@ use std::f64::consts::PI;
 
 /// Half the degrees of freedom: its tails are heavier than those of a jumping likelihood.
 const HALF_DEGREES: usize = 3;
+/// Least variance: with less, densities of several parameters leave the range of float64.
+const LEAST: f64 = 1e-60;
 
 /// A mean, and a scale by its root.
 pub struct Student {
@@ -61,10 +63,10 @@ impl Student {
     }
 }
 
-/// A square root of a covariance that rounding may have made singular.
+/// A square root of a covariance that may be singular.
 fn root_of(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     let d = covariance.nrows();
-    let scale = covariance.diagonal().map(|x| x.max(1e-300).sqrt());
+    let scale = covariance.diagonal().map(|x| x.max(LEAST).sqrt());
     let correlation = DMatrix::from_fn(d, d, |i, j| {
         covariance[(i, j)] / (scale[i] * scale[j]) + if i == j { 1e-10 } else { 0.0 }
     });
@@ -92,6 +94,14 @@ mod tests {
         for (n, expected) in (1..).zip(expected) {
             assert!((gamma_of_half(n) - expected).abs() < 1e-14);
         }
+    }
+
+    #[test]
+    fn no_scale_is_too_small() {
+        let mean = DVector::from_element(6, 1.0);
+        let student = Student::new(&mean, &DMatrix::zeros(6, 6));
+        assert!(student.density(mean.as_slice()).is_normal());
+        assert_eq!(student.density(&[2.0; 6]), 0.0);
     }
 
     /// The density integrates to 1, and draws fall as it says.
