@@ -100,6 +100,6 @@ def sample(
     effort : Effort
     """
     seed = int(rng.integers(1 << 64, dtype=np.uint64))
-    limits = effort.n, effort.generations, effort.wanted
-    start = np.ascontiguousarray(mean), np.ascontiguousarray(covariance)
-    return Posterior(*_primfit.sample(cost, *start, seed, *limits))
+    center, around = np.ascontiguousarray(mean), np.ascontiguousarray(covariance)
+    found = _primfit.sample(cost, center, around, seed, effort.n, effort.generations, effort.wanted)
+    return Posterior(*found)
