@@ -87,9 +87,9 @@ def _instead(
     best: list[Body] = []
     least = _score(scene, others, best, rows) - LEAST_GAIN
     is_enough = _misfit(scene, body) <= MISFIT
-    score = _score(scene, others, [body], rows)
-    if score < least:
-        best, least = [body], score
+    whole = _score(scene, others, [body], rows)
+    if whole < least:
+        best, least = [body], whole
     elif is_enough:
         return []
     for alternative in alternatives:
@@ -97,6 +97,9 @@ def _instead(
         option = _needed(scene, others, _settled(scene, others, option, rng), rows)
         for _ in range(_ROUNDS):
             if len(option) < 2 or all(_misfit(scene, part) <= MISFIT for part in option):
+                break
+            # Parts that explain less than the whole body does are none.
+            if _score(scene, others, option, rows) >= whole:
                 break
             again = _parts_anew(scene, others, option, body.seed, rows)
             if again == option:
