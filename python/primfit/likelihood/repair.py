@@ -96,10 +96,10 @@ def _instead(
         option = alternative(scene, others, body, cell)
         option = _needed(scene, others, _settled(scene, others, option, rng), rows)
         for _ in range(_ROUNDS):
-            if len(option) < 2 or all(_misfit(scene, part) <= MISFIT for part in option):
-                break
             # Parts that explain less than the whole body does are none.
-            if _score(scene, others, option, rows) >= whole:
+            if len(option) < 2 or _score(scene, others, option, rows) >= whole:
+                break
+            if all(_misfit(scene, part) <= MISFIT for part in option):
                 break
             again = _parts_anew(scene, others, option, body.seed, rows)
             if again == option:
