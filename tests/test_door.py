@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -159,16 +160,28 @@ def test_other_threads_run_meanwhile():
     assert sum(start < tick < stop for tick in ticks) >= 3
 
 
+def normals_by(n_jobs):
+    points = np.random.default_rng(1).uniform(size=(50_000, 3))
+    return primfit.estimate_normals(points, n_jobs=n_jobs)
+
+
+def found_in(scan):
+    """Of a scan whose directions nobody has asked for."""
+    return [solid.center for solid in primfit.detect(scan, rng=1).solids]
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes that fork")
-@pytest.mark.parametrize("n_jobs", [None, 2])
-def test_a_forked_process_has_threads_of_its_own(n_jobs):
+def test_a_forked_process_has_threads_of_its_own():
     """Threads do not survive a fork; work that waits for them would never end."""
-    points = np.random.default_rng(1).uniform(size=(5000, 3))
-    normals = primfit.estimate_normals(points, n_jobs=n_jobs)
-    forking = multiprocessing.get_context("fork")
-    with forking.Pool(1) as pool:
-        theirs = pool.apply_async(primfit.estimate_normals, (points,), {"n_jobs": n_jobs})
-        np.testing.assert_array_equal(theirs.get(timeout=60), normals)
+    world = primfit.random_world(1, 1.0, rng=1)
+    scan = primfit.scan(world, primfit.grid_path(world, 0.25, rng=1), rng=1)
+    calls = [(normals_by, None), (normals_by, 2), (found_in, scan)]
+    copy = pickle.loads(pickle.dumps(scan))
+    ours = [normals_by(None), normals_by(2), found_in(copy)]
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        for (call, argument), mine in zip(calls, ours, strict=True):
+            theirs = pool.apply_async(call, (argument,)).get(timeout=60)
+            np.testing.assert_array_equal(theirs, mine)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")

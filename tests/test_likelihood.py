@@ -62,9 +62,9 @@ def test_costs_are_those_of_the_ray_caster(height):
     for n_jobs in (1, 2):
         got = beams.costs(footprints, np.zeros(2), np.full(2, height), n_jobs)
         np.testing.assert_allclose(got, cost.sum(), rtol=1e-7)
-    smooth, _, _, rows = beams.expand(star.footprint, 0.0, height)
-    assert not len(rows)
-    assert smooth == pytest.approx(cost.sum(), rel=1e-7)
+    local = beams.around(star.footprint, 0.0, height)
+    assert not len(local.open)
+    assert local.cost == pytest.approx(cost.sum(), rel=1e-7)
     tall = primfit.World([replace(star, height=5.0)])
     depths, ids = primfit.RayCaster(tall).cast(scan.origins, scan.directions)
     walls = ids == 0
@@ -76,13 +76,14 @@ def test_the_expansion_has_the_slopes_of_the_cost():
     _, beams = scene_of(solid, 0.05)
     local = beams.around(solid.footprint, 0.2, 1e-4, 0.0)
     origins, directions, ranges, background, sigma = beams.arrays
-    is_open = np.isin(ranges, local.open_beams.arrays[2]) & np.isfinite(ranges)
+    is_smooth = np.ones(len(beams), dtype=bool)
+    is_smooth[local.open] = False
 
     def cost(footprint):
         prism = primfit.Prism(footprint, 0.2)
         depths, _ = primfit.RayCaster(primfit.World([prism])).cast(origins, directions)
         costs = beams.noise.costs(ranges, np.minimum(depths, background), sigma)
-        return costs[~is_open].sum()
+        return costs[is_smooth].sum()
 
     step = 1e-6
     for k in range(10):
@@ -100,14 +101,18 @@ def test_a_local_likelihood_is_the_whole_one(noise):
     slack = 0.1 * noise
     rng = np.random.default_rng(1)
     local = beams.around(solid.footprint, 0.2, slack, slack)
-    assert 0 < len(local.open_beams) < 0.7 * len(beams)
+    assert 0 < len(local.open) < 0.7 * len(beams)
     moves = rng.uniform(-0.7 * slack, 0.7 * slack, (50, 10, 2))
     tops = 0.2 + rng.uniform(-slack, slack, 50)
     candidates = solid.footprint + moves
-    np.testing.assert_allclose(
-        local.costs(candidates, tops), beams.costs(candidates, tops), rtol=2e-3, atol=2.0
-    )
-    assert np.isinf(local.costs(candidates[:1] + 2 * slack, tops[:1])).all()
+    family, parameters = FreePolygon(10).family, np.column_stack([candidates.reshape(50, 20), tops])
+    got = local.costs(family, parameters)
+    np.testing.assert_allclose(got, beams.costs(candidates, tops), rtol=2e-3, atol=2.0)
+    np.testing.assert_array_equal(local.costs(family, parameters, n_jobs=2), got)
+    assert np.isinf(local.costs(family, parameters + 2 * slack)).all()
+    crossed = parameters.copy()
+    crossed[:, [0, 1, 2, 3]] = crossed[:, [2, 3, 0, 1]]
+    assert np.isinf(local.costs(family, crossed)).all()
 
 
 def test_carving_counts_cells_like_a_slow_twin():
@@ -138,9 +143,10 @@ def climbed_slowly(beams, shape, start, top, steps):
 
     def expanded(parameters):
         corners, changes = shape.frame(parameters)
-        cost, gradient, information, _ = beams._core.expand(corners, beams.base, top)
+        local = beams._core.around(corners, beams.base, top)
+        information = changes.T @ local.information @ changes
         scale = beams.stride
-        return scale * cost, scale * changes.T @ gradient, scale * changes.T @ information @ changes
+        return scale * local.cost, scale * changes.T @ local.gradient, scale * information
 
     parameters, damping = start, 1e-3
     cost, gradient, information = expanded(parameters)

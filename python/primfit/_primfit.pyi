@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 __all__ = [
     "BeamBlocks",
     "Family",
+    "LevelLines",
+    "Local",
     "PointTree",
     "RayCaster",
     "carve",
@@ -42,14 +44,15 @@ class BeamBlocks:
         n_jobs: int | None = None,
     ) -> NDArray[np.float64]: ...
     def wall_depths(self, footprint: NDArray[np.float64]) -> NDArray[np.float64]: ...
-    def expand(
+    def around(
         self,
         footprint: NDArray[np.float64],
         bottom: float,
         top: float,
         slack: float = 0.0,
         top_slack: float = 0.0,
-    ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]: ...
+        weight: float = 1.0,
+    ) -> Local: ...
     def climb(
         self,
         family: Family,
@@ -59,6 +62,35 @@ class BeamBlocks:
         weight: float,
         n_steps: int,
     ) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]: ...
+
+@final
+class LevelLines:
+    def __new__(
+        cls, origins: NDArray[np.float64], directions: NDArray[np.float64]
+    ) -> LevelLines: ...
+    def near(
+        self, place: tuple[float, float], radius: float, reach: float, stride: int
+    ) -> NDArray[np.int64]: ...
+    def entries(
+        self, rows: NDArray[np.int64], place: tuple[float, float], radius: float
+    ) -> NDArray[np.float64]: ...
+    def bundles(
+        self,
+        rows: NDArray[np.int64],
+        place: tuple[float, float],
+        radius: float,
+        shape: tuple[int, int],
+    ) -> NDArray[np.int64]: ...
+
+@final
+class Local:
+    cost: float
+    gradient: NDArray[np.float64]
+    information: NDArray[np.float64]
+    open: NDArray[np.uint64]
+    def costs(
+        self, family: Family, parameters: NDArray[np.float64], n_jobs: int | None = None
+    ) -> NDArray[np.float64]: ...
 
 @final
 class Family:
@@ -101,7 +133,7 @@ class RayCaster:
 
 @final
 class PointTree:
-    def __new__(cls, points: NDArray[np.float64]) -> PointTree: ...
+    def __new__(cls, points: NDArray[np.float64], n_jobs: int | None = None) -> PointTree: ...
     def __len__(self) -> int: ...
     def order(self) -> NDArray[np.int64]: ...
     def neighbors(

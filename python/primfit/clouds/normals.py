@@ -56,7 +56,8 @@ def estimate_normals(
     if len(rows) < 3:
         raise ValueError(f"points must be at least 3, since a plane needs as many, not {len(rows)}")
     starts = None if origins is None else one_or_each("origins", origins, len(rows))
-    normals = _primfit.PointTree(rows).normals(k, n_jobs_or_none(n_jobs))
+    threads = n_jobs_or_none(n_jobs)
+    normals = _primfit.PointTree(rows, threads).normals(k, threads)
     if starts is None:
         facing = np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1)
     else:

@@ -112,22 +112,15 @@ class Beams:
         depths: Floats = self._core.wall_depths(np.ascontiguousarray(footprint))
         return depths
 
-    def around(self, footprint: Floats, top: float, slack: float, top_slack: float) -> Local:
-        """The likelihood of prisms whose corners and top are near those of a given one."""
-        cost, gradient, information, rows = self._core.expand(
-            np.ascontiguousarray(footprint), self.base, top, slack, top_slack
-        )
-        scale = self.stride
-        return Local(
-            footprint=footprint,
-            top=top,
-            slack=slack,
-            top_slack=top_slack,
-            cost=scale * cost,
-            gradient=scale * gradient,
-            information=scale * information,
-            open_beams=self._take(rows, self.stride, self.arrays[4]),
-        )
+    def around(
+        self, footprint: Floats, top: float, slack: float, top_slack: float
+    ) -> _primfit.Local:
+        """The likelihood of prisms whose corners and top are near those of a given one.
+
+        It is a quadratic, and the beams at silhouettes.
+        """
+        corners = np.ascontiguousarray(footprint)
+        return self._core.around(corners, self.base, top, slack, top_slack, self.stride)
 
     def thinned(self, stride: int, least_sigma: float) -> Beams:
         """Every so manieth beam, taken as no more exact than `least_sigma`."""
@@ -144,43 +137,3 @@ class Beams:
         o, d, r, b, _ = self.arrays
         arrays = tuple(array[rows] for array in (o, d, r, b, sigmas))
         return Beams(arrays, self.noise, self.base, self.n_jobs, stride)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Local:
-    """The likelihood near one prism: a quadratic, and the beams at its silhouettes.
-
-    Attributes
-    ----------
-    footprint : (m, 2) float64, metres
-    top : float, metres
-    slack, top_slack : float, metres
-        How far corners and top may move; beyond, the cost is infinite.
-    cost, gradient (2m,), information (2m, 2m)
-        Of the beams that meet the same wall for all such prisms.
-    open_beams : Beams
-        The others.
-    """
-
-    footprint: Floats
-    top: float
-    slack: float
-    top_slack: float
-    cost: float
-    gradient: Floats
-    information: Floats
-    open_beams: Beams
-
-    def costs(self, footprints: Floats, tops: Floats) -> Floats:
-        """Negative log-likelihood of candidates: footprints (k, m, 2) and tops (k,)."""
-        moves = footprints - self.footprint
-        far = (moves**2).sum(axis=-1).max(axis=1) > self.slack**2
-        far |= np.abs(tops - self.top) > self.top_slack
-        flat = moves.reshape(len(moves), -1)
-        smooth = flat @ self.gradient + 0.5 * ((flat @ self.information) * flat).sum(axis=1)
-        costs = np.full(len(moves), np.inf)
-        near = np.flatnonzero(~far)
-        costs[near] = self.cost + smooth[near]
-        if len(near) and len(self.open_beams):
-            costs[near] += self.open_beams.costs(footprints[near], tops[near])
-        return costs

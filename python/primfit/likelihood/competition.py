@@ -252,21 +252,26 @@ def _compete_again(
 def weigh(scene: Scene, i: int, body: Body, rng: np.random.Generator) -> Body:
     """The best contender of body i alone, sampled as well as a report needs it.
 
-    It meets its rivals and its kin once more, since neighbours were known less when it beat them.
+    It meets its rivals once more, since neighbours were known less when it beat them, and its kin
+    from where it is, since each may have been sampled in a mode of its own.
     """
     beams = _near(scene, i, body, 1)
-    best = body.contenders[0]
     # All start from one top: few beams tell little of it, and one may hold a sampler where it is.
     top = find_top(beams, body.footprint)
-    shapes = [each.fit.shape for each in body.contenders]
-    # Between corners that may slide along a wall, a mean is no good place to start from.
-    relatives = [climb(beams, *start, top.z) for start in kin(best.fit.shape, best.best)]
-    strangers = [_unsampled(fit, top) for fit in relatives if fit.shape not in shapes]
-    strangers = [_sampled(scene, beams, each, 1, rng, QUICK) for each in strangers]
-    starts = [*(replace(each, top=top) for each in body.contenders), *strangers]
-    rivals = [_sampled(scene, beams, each, 1, rng, THOROUGH) for each in starts]
-    winner = _simplest(rivals)
-    return Body((replace(winner, fit=_longest_first(winner.fit)),), body.seed)
+    rivals = [
+        _sampled(scene, beams, replace(each, top=top), 1, rng, THOROUGH) for each in body.contenders
+    ]
+    winner = None
+    while (best := _simplest(rivals)) is not winner:
+        winner = best
+        costs = {each.fit.shape: each.fit.cost for each in rivals}
+        # Between corners that may slide along a wall, a mean is no good place to start from.
+        for shape, start in kin(best.fit.shape, best.best):
+            if costs.get(shape, np.inf) > best.fit.cost:
+                relative = _unsampled(climb(beams, shape, start, top.z), top)
+                relative = _sampled(scene, beams, relative, 1, rng, QUICK)
+                rivals.append(_sampled(scene, beams, relative, 1, rng, THOROUGH))
+    return Body((replace(best, fit=_longest_first(best.fit)),), body.seed)
 
 
 def _simplest(rivals: list[Contender]) -> Contender:

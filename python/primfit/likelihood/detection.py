@@ -38,7 +38,7 @@ then low, for solids that they pass over."""
 _SLIVER = 0.4
 """Size of a seed, as a multiple of the noise, below which it is a sliver that noise left."""
 
-_MISSED = 4.0 * MISFIT
+_MISSED = 3.0 * MISFIT
 """Misfit where a solid is missing, while its neighbours are known roughly: theirs is less."""
 
 _WEAK = 250.0

@@ -7,11 +7,12 @@ saw it; `settle` samples all of the likelihood, for shape and top together.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from primfit._check import Floats
-from primfit.likelihood.beams import Beams, Local
+from primfit.likelihood.beams import Beams
 from primfit.likelihood.evolution import evolve
 from primfit.likelihood.sampling import FEW, Effort, Posterior, sample
 from primfit.likelihood.templates import Shape
@@ -178,9 +179,6 @@ def settle(
     shape, d = fit.shape, fit.shape.n_parameters
     is_known = np.isfinite(top.sigma)
 
-    def tops(parameters: Floats) -> Floats:
-        return parameters[:, d] if is_known else np.full(len(parameters), top.z)
-
     mean, covariance = fit.parameters, fit.covariance
     if is_known:
         # Where beams rise, the height at which they meet a wall changes with the wall.
@@ -193,23 +191,19 @@ def settle(
         top_slack = min(top_slack, _WIDEST * extent)
         if len(beams) <= _CAST:
             slack = top_slack = extent
-        local = beams.around(fit.footprint, top.z, slack, top_slack)
-
-        def cost(parameters: Floats, local: Local = local) -> Floats:
-            costs = local.costs(shape.footprints(parameters), tops(parameters))
-            costs[~shape.is_proper(parameters)] = np.inf
-            return costs
-
+        here, z = fit.footprint, top.z
+        local = beams.around(here, z, slack, top_slack)
         explore = sample if len(mean) <= FEW else evolve
+        cost = partial(local.costs, shape.family, n_jobs=beams.n_jobs)
         found = explore(cost, mean, covariance, rng, effort)
         is_proper = shape.is_proper(found.mean[None])[0]
         mean, covariance = found.mean if is_proper else found.best, found.covariance
         fit = Fit(shape, mean[:d], covariance[:d, :d], found.cost)
-        away = float(np.linalg.norm(fit.footprint - local.footprint, axis=1).max())
-        is_inside = away + _ROOM * fit.corner_sigma <= local.slack
+        away = float(np.linalg.norm(fit.footprint - here, axis=1).max())
+        is_inside = away + _ROOM * fit.corner_sigma <= slack
         if is_known:
             top = Top(float(mean[d]), float(np.sqrt(covariance[d, d])))
-            is_inside &= abs(top.z - local.top) + _ROOM * top.sigma <= local.top_slack
+            is_inside &= abs(top.z - z) + _ROOM * top.sigma <= top_slack
         if found.cost > worst or (found.size >= effort.least and is_inside):
             break
     return fit, top, found

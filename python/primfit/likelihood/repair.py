@@ -15,7 +15,7 @@ from primfit.likelihood.fitting import find_top
 from primfit.likelihood.polygons import fit_polygon
 from primfit.likelihood.scene import Obstacle, Scene
 
-MISFIT = 2.5
+MISFIT = 3.5
 """Standard deviations by which the beams of a body may fit worse than their noise explains."""
 
 LEAST_GAIN = 25.0
@@ -48,21 +48,20 @@ def repair(scene: Scene, bodies: list[Body], cell: float, rng: np.random.Generat
     before the others.
     """
     for alternatives in (_ALTERNATIVES[:1], _ALTERNATIVES):
-        queue = sorted(bodies, key=lambda body: -_misfit(scene, body))
-        all_fit = True
+        queue = [body for body in bodies if _misfit(scene, body) > MISFIT]
+        if not queue:
+            return
+        queue.sort(key=lambda body: -_misfit(scene, body))
         while queue:
             body = queue.pop(0)
             if _misfit(scene, body) <= MISFIT:
                 continue
-            all_fit = False
             others = [each for each in bodies if each is not body]
             best = _instead(scene, others, body, cell, rng, alternatives)
             bodies[:] = others + best
             scene.obstacles = [each.obstacle for each in bodies]
             if len(best) > 1:
                 queue += best
-        if all_fit:
-            return
 
 
 def gain(scene: Scene, bodies: list[Body], i: int) -> float:

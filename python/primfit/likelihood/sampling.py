@@ -44,7 +44,7 @@ class Effort:
 
 
 QUICK = Effort(n=144, generations=8, wanted=40.0, least=13.0, chained=768)
-THOROUGH = Effort(n=320, generations=12, wanted=400.0, least=67.0, chained=1920)
+THOROUGH = Effort(n=320, generations=12, wanted=400.0, least=67.0, chained=5760)
 """To sample a level, and a posterior that is reported: proposals that follow few draws make its
 spread too small."""
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from primfit import _primfit
 from primfit._check import Floats, Ints
 from primfit.geometry.extrusions import prism_triangles, prism_vertices
 from primfit.likelihood.beams import Beams, Noise
@@ -83,27 +84,12 @@ class Scene:
         self.n_jobs = n_jobs
         self.room: Obstacle | None = None
         self.obstacles: list[Obstacle] = []
-        self._some_lines: dict[int, tuple[Floats, ...]] = {}
 
     @cached_property
-    def _level_lines(self) -> tuple[Floats, ...]:
-        """Level lines of the beams: their ways (n, 2), start along and across (n,), slope (n,).
-
-        The slope is the way that a beam makes along its line in a metre.
-        """
-        x, y = self.scan.directions[:, :2].T
-        level = np.maximum(np.hypot(x, y), 1e-12)
-        ways = np.column_stack([x / level, y / level])
-        x, y = ways.T
-        start_x, start_y = self.scan.origins[:, :2].T
-        return ways, start_x * x + start_y * y, start_x * y - start_y * x, level
-
-    def _level_lines_of(self, stride: int) -> tuple[Floats, ...]:
-        """Those of one beam in `stride`."""
-        if stride not in self._some_lines:
-            some = tuple(np.ascontiguousarray(line[::stride]) for line in self._level_lines)
-            self._some_lines[stride] = some
-        return self._some_lines[stride]
+    def _lines(self) -> _primfit.LevelLines:
+        """Level lines of the beams."""
+        beams = self.scan.origins, self.scan.directions
+        return _primfit.LevelLines(*map(np.ascontiguousarray, beams))
 
     def background(
         self, without: int | None = None, rows: Any = slice(None), *, floor: bool = True
@@ -203,12 +189,7 @@ class Scene:
         n_off, usual = int((costs[foreseen] > 4.5).sum()), 0.0027 + noise.outliers
         by_number = float((n_off - usual * n) / np.sqrt(usual * n + 1.0))
 
-        ways, _, across, _ = (_some(line, rows) for line in self._level_lines)
-        off = (ways @ _across(center) - across) / radius
-        side = np.minimum((off + 1.0) / 2.0 * _SIDES, _SIDES - 1).astype(int)
-        turn = np.arctan2(ways[:, 1], ways[:, 0]) / (2 * np.pi)
-        way = ((turn + 0.5) * _WAYS).astype(int) % _WAYS
-        bundle = way * _SIDES + side
+        bundle = self._lines.bundles(rows, tuple(center), radius, (_WAYS, _SIDES))
         n_each = np.bincount(bundle, foreseen, _WAYS * _SIDES)
         excess = np.bincount(bundle, costs, _WAYS * _SIDES) - mean * n_each
         by_bundle = float((excess / np.sqrt((0.5 + square) * np.maximum(n_each, _FEW))).max())
@@ -241,19 +222,13 @@ class Scene:
 
     def rows_near(self, center: Floats, radius: float, stride: int = 1) -> Ints:
         """Beams, one in `stride`, whose level lines come within `radius` of a place, in reach."""
-        ways, start, across, level = self._level_lines_of(stride)
-        rows = np.flatnonzero(np.abs(ways @ _across(center) - across) < radius)
-        along = _some(ways, rows) @ center - start[rows]
-        reaches = (along > -radius) & (along - radius < self.noise.reach * level[rows])
-        return stride * rows[reaches]
+        return self._lines.near(tuple(center), radius, self.noise.reach, stride)
 
     def near(self, center: Floats, radius: float, without: int | None, stride: int = 1) -> Beams:
         """Beams, one in `stride`, within `radius` of a place before they meet another surface."""
         rows = self.rows_near(center, radius, stride)
         background = self.background(without, rows)
-        ways, start, _, level = (_some(line, rows) for line in self._level_lines)
-        along = ways @ center - start
-        before = (along - radius) / level < background
+        before = self._lines.entries(rows, tuple(center), radius) < background
         return self.beams(rows[before], background[before], stride)
 
     def beams(self, rows: Any, background: Floats, stride: int = 1) -> Beams:
@@ -273,8 +248,3 @@ def _some(array: Floats, rows: Any) -> Floats:
     """Rows of an array: a slice of them, or some by number, which `take` gathers faster."""
     some: Floats = array[rows] if isinstance(rows, slice) else array.take(rows, axis=0)
     return some
-
-
-def _across(place: Floats) -> Floats:
-    """What a way is multiplied with for how far a place is across it."""
-    return np.array([-place[1], place[0]])

@@ -38,6 +38,8 @@ pub trait Lanes:
     fn where_le(self, other: Self, yes: Self, no: Self) -> Self;
     /// `yes` where the sign of a lane is negative, -0 too, else `no`.
     fn where_negative(self, yes: Self, no: Self) -> Self;
+    /// Whether the sign of some lane is negative.
+    fn any_negative(self) -> bool;
     /// The greatest of the lanes.
     fn greatest(self) -> f32;
     /// The least of the lanes.
@@ -187,6 +189,10 @@ impl<const N: usize> Lanes for Plain<N> {
     #[inline(always)]
     fn where_negative(self, yes: Self, no: Self) -> Self {
         Self(std::array::from_fn(|i| if self.0[i].is_sign_negative() { yes.0[i] } else { no.0[i] }))
+    }
+    #[inline(always)]
+    fn any_negative(self) -> bool {
+        self.0.iter().any(|x| x.is_sign_negative())
     }
     #[inline(always)]
     fn greatest(self) -> f32 {

@@ -23,8 +23,8 @@ pub use dbscan::dbscan;
 pub use error::Error;
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
 pub use likelihood::{
-    BeamBlocks, Beams, Candidate, Climb, Effort, Expansion, Family, Grid, Posterior, Prices, Slope,
-    carve, expand, prism_costs, sample, wall_depths,
+    BeamBlocks, Beams, Candidate, Climb, Effort, Family, Grid, LevelLines, Local, Posterior,
+    Prices, Region, Slope, carve, prism_costs, sample, wall_depths,
 };
 pub use neighbors::{LocalPlane, Neighbor, PointTree};
 pub use rays::{Gate, Hits, RayCaster, Readings, Transform, turned};

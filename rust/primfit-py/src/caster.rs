@@ -98,7 +98,8 @@ pub fn turned<'py>(
     beams: PyReadonlyArray2<f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (poses, beams) = (rows("poses", &poses)?, rows("beams", &beams)?);
-    let directions = py.detach(|| primfit_core::turned(poses, beams)).map_err(door::to_python)?;
+    let directions =
+        door::enter(py, None, |workers| workers.install(|| primfit_core::turned(poses, beams)))?;
     let n = directions.len();
     directions.into_flattened().into_pyarray(py).reshape([n, 3])
 }

@@ -30,7 +30,8 @@ impl Family {
         )))
     }
 
-    fn rows<'a>(&self, parameters: &'a PyReadonlyArray2<f64>) -> PyResult<Vec<&'a [f64]>> {
+    /// Parameters (n, d) row by row.
+    pub fn rows<'a>(&self, parameters: &'a PyReadonlyArray2<f64>) -> PyResult<Vec<&'a [f64]>> {
         let width = parameters.shape()[1];
         self.check(width)?;
         Ok(parameters.as_slice()?.chunks(width).collect())

@@ -13,6 +13,7 @@ mod crossings;
 mod door;
 mod family;
 mod likelihood;
+mod lines;
 mod neighbors;
 mod planes;
 
@@ -29,7 +30,9 @@ mod _primfit {
     #[pymodule_export]
     use crate::family::Family;
     #[pymodule_export]
-    use crate::likelihood::{BeamBlocks, carve, sample};
+    use crate::likelihood::{BeamBlocks, Local, carve, sample};
+    #[pymodule_export]
+    use crate::lines::LevelLines;
     #[pymodule_export]
     use crate::neighbors::PointTree;
     #[pymodule_export]

@@ -7,13 +7,10 @@ use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
 };
-use primfit_core::{Beams, Candidate, Effort, Grid, Prices, Slope};
+use primfit_core::{Beams, Candidate, Effort, Grid, Prices, Region, Slope};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// Cost, gradient, information and open beams of an expansion.
-type Expansion<'py> =
-    (f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<i64>>);
 /// Parameters, cost and covariance at the end of a climb.
 type Climb<'py> = (Bound<'py, PyArray1<f64>>, f64, Bound<'py, PyArray2<f64>>);
 
@@ -106,27 +103,22 @@ impl BeamBlocks {
         Ok(py.detach(|| primfit_core::wall_depths(&self.0, footprint)).into_pyarray(py))
     }
 
-    #[pyo3(signature = (footprint, bottom, top, slack=0.0, top_slack=0.0))]
-    fn expand<'py>(
+    #[pyo3(signature = (footprint, bottom, top, slack=0.0, top_slack=0.0, weight=1.0))]
+    // What the prism is, where it stands, and how far it may move.
+    #[allow(clippy::too_many_arguments)]
+    fn around(
         &self,
-        py: Python<'py>,
+        py: Python,
         footprint: PyReadonlyArray2<f64>,
         bottom: f64,
         top: f64,
         slack: f64,
         top_slack: f64,
-    ) -> PyResult<Expansion<'py>> {
-        let footprint = corners(&footprint)?;
-        let candidate = Candidate { footprint, bottom, top };
-        let found = py.detach(|| primfit_core::expand(&self.0, &candidate, slack, top_slack));
-        let n = found.gradient.len();
-        let open: Vec<i64> = found.open.iter().map(|&row| row as i64).collect();
-        Ok((
-            found.cost,
-            found.gradient.into_pyarray(py),
-            found.information.into_pyarray(py).reshape([n, n])?,
-            open.into_pyarray(py),
-        ))
+        weight: f64,
+    ) -> PyResult<Local> {
+        let candidate = Candidate { footprint: corners(&footprint)?, bottom, top };
+        let region = Region { candidate, slack, top_slack };
+        Ok(Local(py.detach(|| primfit_core::Local::new(&self.0, region, weight))))
     }
 
     // What the prism is, where it stands, and how far to go.
@@ -148,6 +140,55 @@ impl BeamBlocks {
         let end = py.detach(|| slope.climb(start, n_steps));
         let covariance = end.covariance.into_pyarray(py).reshape([n, n])?;
         Ok((end.parameters.into_pyarray(py), end.cost, covariance))
+    }
+}
+
+/// The likelihood of prisms near a given one.
+#[pyclass(frozen, module = "primfit._primfit")]
+pub struct Local(primfit_core::Local);
+
+#[pymethods]
+impl Local {
+    /// Of the beams that meet the same wall for all such prisms.
+    #[getter]
+    fn cost(&self) -> f64 {
+        self.0.smooth.cost
+    }
+
+    #[getter]
+    fn gradient<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.0.smooth.gradient.clone().into_pyarray(py)
+    }
+
+    #[getter]
+    fn information<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let n = self.0.smooth.gradient.len();
+        self.0.smooth.information.clone().into_pyarray(py).reshape([n, n])
+    }
+
+    /// The other beams.
+    #[getter]
+    fn open<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<usize>> {
+        self.0.smooth.open.clone().into_pyarray(py)
+    }
+
+    #[pyo3(signature = (family, parameters, n_jobs=None))]
+    fn costs<'py>(
+        &self,
+        py: Python<'py>,
+        family: &Family,
+        parameters: PyReadonlyArray2<f64>,
+        n_jobs: Option<usize>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (rows, family) = (family.rows(&parameters)?, family.core());
+        same_length(
+            "corners of the family",
+            family.n_corners(),
+            "the footprint",
+            self.0.n_corners(),
+        )?;
+        let costs = door::enter(py, n_jobs, |workers| self.0.costs(family, &rows, workers))?;
+        Ok(costs.into_pyarray(py))
     }
 }
 

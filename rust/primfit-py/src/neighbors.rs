@@ -24,12 +24,15 @@ pub struct PointTree(primfit_core::PointTree);
 #[pymethods]
 impl PointTree {
     #[new]
-    fn new(py: Python, points: PyReadonlyArray2<f64>) -> PyResult<Self> {
+    #[pyo3(signature = (points, n_jobs=None))]
+    fn new(py: Python, points: PyReadonlyArray2<f64>, n_jobs: Option<usize>) -> PyResult<Self> {
         let points = rows("points", &points)?;
         if points.len() > i32::MAX as usize {
             return Err(PyValueError::new_err("points must be fewer than 2 ** 31"));
         }
-        Ok(Self(py.detach(|| primfit_core::PointTree::new(points))))
+        door::enter(py, n_jobs, |workers| {
+            Ok(Self(workers.install(|| primfit_core::PointTree::new(points))))
+        })
     }
 
     fn __len__(&self) -> usize {

@@ -24,7 +24,7 @@ macro_rules! lanes {
      |$wide:ident| $narrow:block, $store:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
      $mul_add:ident, $min:ident, $max:ident,
      $and:ident, $and_not:ident, $xor:ident,
-     |$a:ident, $b:ident| $le:block, |$all:ident| $greatest:block,
+     |$a:ident, $b:ident| $le:block, |$all:ident| $greatest:block, $any:block,
      |$c:ident, $d:ident, $yes:ident, $no:ident| $where_le:block, $where_negative:block) => {
         #[derive(Clone, Copy)]
         pub struct $name($register);
@@ -138,6 +138,12 @@ macro_rules! lanes {
                 Self(unsafe { $where_negative })
             }
             #[inline(always)]
+            fn any_negative(self) -> bool {
+                let $all = self.0;
+                // SAFETY: callers have enabled the instruction set.
+                unsafe { $any }
+            }
+            #[inline(always)]
             fn greatest(self) -> f32 {
                 let $all = self.0;
                 // SAFETY: callers have enabled the instruction set.
@@ -176,6 +182,7 @@ lanes!(
         let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
         _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)))
     },
+    { _mm256_movemask_ps(a) != 0 },
     |a, b, yes, no| { _mm256_blendv_ps(no, yes, _mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) },
     { _mm256_blendv_ps(no, yes, a) }
 );
@@ -205,6 +212,7 @@ lanes!(
     _mm512_xor_ps,
     |a, b| { u32::from(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b)) },
     |a| { _mm512_reduce_max_ps(a) },
+    { _mm512_movepi32_mask(_mm512_castps_si512(a)) != 0 },
     |a, b, yes, no| { _mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b), no, yes) },
     { _mm512_mask_blend_ps(_mm512_movepi32_mask(_mm512_castps_si512(a)), no, yes) }
 );
@@ -300,6 +308,10 @@ impl Lanes for Pair {
     #[inline(always)]
     fn where_negative(self, yes: Self, no: Self) -> Self {
         Self(self.0.where_negative(yes.0, no.0), self.1.where_negative(yes.1, no.1))
+    }
+    #[inline(always)]
+    fn any_negative(self) -> bool {
+        self.0.any_negative() | self.1.any_negative()
     }
     #[inline(always)]
     fn greatest(self) -> f32 {

@@ -1,5 +1,6 @@
 //! Beams as the likelihood kernels read them: by coordinate, in blocks that fill registers.
 
+use super::meeting::{Beam, Real, Walls};
 use crate::Vector;
 use crate::lanes::Lanes;
 
@@ -48,145 +49,32 @@ pub struct Candidate<'a> {
     pub top: f64,
 }
 
-/// Precision of the kernels: twice as many numbers a register as in double precision, and an error
-/// of a ten-millionth of the sensor's reach, since they are taken from the middle of the beams.
-pub(crate) type Real = f32;
-
-/// Beams by coordinate; the last block is filled up with beams that cost nothing.
+/// Beams relative to their middle, one by one and by coordinate.
 pub struct BeamBlocks {
-    pub(crate) blocks: Vec<Block>,
+    pub(super) beams: Vec<Beam<Real>>,
+    /// The last one is filled up with beams that cost nothing.
+    pub(super) blocks: Vec<Block>,
     /// Middle of the origins, from which all places are taken.
-    middle: Vector,
-    pub(crate) max_range: Real,
-    len: usize,
+    pub(super) middle: Vector,
+    pub(super) max_range: Real,
 }
 
-/// The moments are those of the level lines along which the beams run: `across` tells on which side
-/// of a corner they pass, `before` where they are next to it.
-pub(crate) struct Block {
-    pub z: [Real; BLOCK],
-    pub uz: [Real; BLOCK],
-    pub range: [Real; BLOCK],
-    pub background: [Real; BLOCK],
-    pub precision: [Real; BLOCK],
-    /// Most that a beam costs where a surface is in range, and what it costs where none is.
-    pub most: [Real; BLOCK],
-    nothing: [Real; BLOCK],
-    ux: [Real; BLOCK],
-    uy: [Real; BLOCK],
-    across: [Real; BLOCK],
-    before: [Real; BLOCK],
-    pub level: [Real; BLOCK],
-}
+pub(super) type Block = Beam<[Real; BLOCK]>;
 
-/// Where the beams of a block pass a corner: on which side, and how far along they come nearest.
-#[derive(Clone, Copy)]
-pub(crate) struct Passage<L> {
-    pub side: L,
-    pub depth: L,
-}
-
-/// An upright prism as the blocks see it: relative to the middle of their beams.
-pub(crate) struct Walls {
-    pub corners: Vec<[Real; 2]>,
-    pub bottom: Real,
-    pub top: Real,
-}
-
-#[allow(clippy::inline_always)]
-impl<L: Row> Passage<L> {
-    /// Negative where a beam passes between two corners.
-    #[inline(always)]
-    pub fn is_between(self, next: Self) -> L {
-        self.side.flip(next.side)
-    }
-
-    /// What share of the way to the second corner a beam passes at, and how far along it that is.
-    #[inline(always)]
-    pub fn crossing(self, next: Self) -> (L, L) {
-        let share = self.side / (self.side - next.side);
-        (share, self.depth + share * (next.depth - self.depth))
-    }
-}
-
-// Parts of loops that are compiled for several instruction sets.
-#[allow(clippy::inline_always)]
-impl Block {
-    const EMPTY: Self = Self {
-        z: [Real::INFINITY; BLOCK],
-        uz: [0.0; BLOCK],
-        range: [Real::INFINITY; BLOCK],
-        background: [Real::INFINITY; BLOCK],
-        precision: [0.0; BLOCK],
-        most: [0.0; BLOCK],
-        nothing: [0.0; BLOCK],
-        ux: [0.0; BLOCK],
-        uy: [0.0; BLOCK],
-        across: [0.0; BLOCK],
-        before: [0.0; BLOCK],
-        level: [0.0; BLOCK],
-    };
-
-    #[inline(always)]
-    pub fn pass<L: Row>(&self, [x, y]: [Real; 2]) -> Passage<L> {
-        let (x, y) = (L::splat(x), L::splat(y));
-        let (ux, uy) = (L::load(&self.ux), L::load(&self.uy));
-        Passage {
-            side: x * uy - y * ux - L::load(&self.across),
-            depth: (x * ux + y * uy - L::load(&self.before)) * L::load(&self.level),
-        }
-    }
-
-    /// Range of what each beam meets first: walls from both sides, the top from above, or what is
-    /// at `limit`.
-    #[inline(always)]
-    pub fn meet<L: Row>(&self, walls: &Walls, limit: L) -> L {
-        let (zero, one, never) = (L::splat(0.0), L::splat(1.0), L::splat(Real::INFINITY));
-        let (bottom, top) = (L::splat(walls.bottom), L::splat(walls.top));
-        let (z, uz) = (L::load(&self.z), L::load(&self.uz));
-        let over = !z.le(top) & !zero.le(uz) & ((1 << BLOCK) - 1);
-        let descent = (top - z) / uz;
-        // Negative after an odd number of walls beyond the height of the top.
-        let mut beyond = one;
-        let mut nearest = limit;
-        let mut last = self.pass(walls.corners[walls.corners.len() - 1]);
-        for &corner in &walls.corners {
-            let next = self.pass(corner);
-            let (_, range) = last.crossing(next);
-            let height = z + range * uz;
-            let met = height.where_le(top, range, never);
-            let met = bottom.where_le(height, met, never);
-            let met = zero.where_le(range, met, never);
-            let is_between = last.is_between(next);
-            nearest = nearest.min(is_between.where_negative(met, never));
-            if over != 0 {
-                let side = descent.where_le(range, zero - one, one);
-                beyond = beyond.flip(is_between.where_negative(side, one));
-            }
-            last = next;
-        }
-        if over != 0 {
-            let met = beyond.where_negative(descent, never);
-            let met = zero.where_le(uz, never, met);
-            nearest = nearest.min(z.where_le(top, never, met));
-        }
-        nearest
-    }
-
-    /// Cost of beams that should meet a surface at `expected`, those beyond `max_range` none.
-    #[inline(always)]
-    pub fn costs<L: Row>(&self, expected: L, max_range: Real) -> L {
-        let residual = self.residuals(expected);
-        let explained = (L::splat(0.5) * residual * residual).min(L::load(&self.most));
-        expected.where_le(L::splat(max_range), explained, L::load(&self.nothing))
-    }
-
-    /// By how many standard deviations ranges exceed what is expected.
-    #[inline(always)]
-    pub fn residuals<L: Row>(&self, expected: L) -> L {
-        (L::load(&self.range) - expected) * L::load(&self.precision)
-    }
-}
+const NONE: Beam<Real> = Beam {
+    z: Real::INFINITY,
+    uz: 0.0,
+    range: Real::INFINITY,
+    background: Real::INFINITY,
+    precision: 0.0,
+    most: 0.0,
+    nothing: 0.0,
+    ux: 0.0,
+    uy: 0.0,
+    across: 0.0,
+    before: 0.0,
+    level: 0.0,
+};
 
 impl BeamBlocks {
     /// Beams of equally long slices.
@@ -198,45 +86,44 @@ impl BeamBlocks {
         let middle = std::array::from_fn(|x| {
             beams.origins.iter().map(|origin| origin[x]).sum::<f64>() * scale
         });
-        let blocks = (0..len)
-            .step_by(BLOCK)
-            .map(|first| {
-                let mut block = Block::EMPTY;
-                for (i, row) in (first..len.min(first + BLOCK)).enumerate() {
-                    let [x, y, z] = std::array::from_fn(|x| beams.origins[row][x] - middle[x]);
-                    let [ux, uy, uz] = beams.directions[row];
-                    block.z[i] = z as Real;
-                    [block.ux[i], block.uy[i], block.uz[i]] = [ux, uy, uz].map(|u| u as Real);
-                    block.range[i] = beams.ranges[row] as Real;
-                    block.background[i] = beams.background[row] as Real;
-                    block.precision[i] = (1.0 / beams.sigmas[row]) as Real;
-                    block.across[i] = (x * uy - y * ux) as Real;
-                    block.before[i] = (x * ux + y * uy) as Real;
-                    block.level[i] = (1.0 / (ux * ux + uy * uy)) as Real;
-                    let is_return = beams.ranges[row] < f64::INFINITY;
-                    block.most[i] = (if is_return { outlier } else { missing }) as Real;
-                    block.nothing[i] = if is_return { outlier as Real } else { 0.0 };
-                }
-                block
-            })
-            .collect();
-        Self { blocks, middle, max_range: max_range as Real, len }
+        let beam = |row: usize| {
+            let [x, y, z] = std::array::from_fn(|x| beams.origins[row][x] - middle[x]);
+            let [ux, uy, uz] = beams.directions[row];
+            let is_return = beams.ranges[row] < f64::INFINITY;
+            Beam {
+                z: z as Real,
+                uz: uz as Real,
+                range: beams.ranges[row] as Real,
+                background: beams.background[row] as Real,
+                precision: (1.0 / beams.sigmas[row]) as Real,
+                most: (if is_return { outlier } else { missing }) as Real,
+                nothing: if is_return { outlier as Real } else { 0.0 },
+                ux: ux as Real,
+                uy: uy as Real,
+                across: (x * uy - y * ux) as Real,
+                before: (x * ux + y * uy) as Real,
+                level: (1.0 / (ux * ux + uy * uy)) as Real,
+            }
+        };
+        let beams: Vec<_> = (0..len).map(beam).collect();
+        let blocks = beams.chunks(BLOCK).map(side_by_side).collect();
+        Self { beams, blocks, middle, max_range: max_range as Real }
     }
 
     /// How many beams there are.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.len
+        self.beams.len()
     }
 
     /// Whether there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.len == 0
+        self.beams.is_empty()
     }
 
     /// A prism as the blocks see it.
-    pub(crate) fn walls(&self, candidate: &Candidate) -> Walls {
+    pub(crate) fn walls(&self, candidate: &Candidate) -> Walls<Real> {
         let [x, y, z] = self.middle;
         Walls {
             corners: candidate
@@ -247,5 +134,25 @@ impl BeamBlocks {
             bottom: (candidate.bottom - z) as Real,
             top: (candidate.top - z) as Real,
         }
+    }
+}
+
+fn side_by_side(beams: &[Beam<Real>]) -> Block {
+    let row = |value: fn(&Beam<Real>) -> Real| {
+        std::array::from_fn(|i| value(beams.get(i).unwrap_or(&NONE)))
+    };
+    Beam {
+        z: row(|beam| beam.z),
+        uz: row(|beam| beam.uz),
+        range: row(|beam| beam.range),
+        background: row(|beam| beam.background),
+        precision: row(|beam| beam.precision),
+        most: row(|beam| beam.most),
+        nothing: row(|beam| beam.nothing),
+        ux: row(|beam| beam.ux),
+        uy: row(|beam| beam.uy),
+        across: row(|beam| beam.across),
+        before: row(|beam| beam.before),
+        level: row(|beam| beam.level),
     }
 }

@@ -5,7 +5,8 @@
 //! information matrix; the others, at silhouettes and edges, are left open, to be cast again for
 //! each candidate.
 
-use super::beams::{BLOCK, BeamBlocks, Block, Real, Row, Walls};
+use super::beams::{BLOCK, BeamBlocks, Block, Row};
+use super::meeting::{Real, Walls};
 use super::{Candidate, RUN};
 use crate::instructions::widest;
 use crate::lanes::{Isa, Lanes};
@@ -43,7 +44,7 @@ pub fn expand(beams: &BeamBlocks, candidate: &Candidate, slack: f64, top_slack: 
 widest! {
 fn sum_walls(
     beams: &BeamBlocks,
-    walls: &Walls,
+    walls: &Walls<Real>,
     slack: Option<[Real; 2]>,
 ) -> (f64, Vec<Sums>, Vec<usize>) {
     type Lane = <Set as Isa>::Sixteen;
@@ -97,7 +98,7 @@ fn total<L: Row>(lanes: L) -> f64 {
 #[inline(always)]
 fn add_slopes<L: Row>(
     block: &Block,
-    walls: &Walls,
+    walls: &Walls<Real>,
     nearest: L,
     weight: L,
     max_range: Real,
@@ -105,26 +106,29 @@ fn add_slopes<L: Row>(
 ) {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     // Sigmas a metre where the range counts, else nothing, and no infinite residual beside it.
-    let residual = block.residuals(nearest);
+    let residual: L = block.residuals(nearest);
     let precision = weight * L::load(&block.precision);
     let precision = nearest.where_le(L::splat(max_range), precision, zero);
     let square = L::splat(0.5) * residual * residual;
     let precision = L::load(&block.most).where_le(square, zero, precision);
     let residual = zero.where_le(zero - precision, zero, residual);
-    let mut last = block.pass::<L>(walls.corners[walls.corners.len() - 1]);
+    let mut last = block.pass::<L, Real>(&walls.corners[walls.corners.len() - 1]);
     for (&corner, sums) in walls.corners.iter().zip(sums) {
-        let next = block.pass(corner);
-        // The very steps by which the nearest was found, so it is found again.
-        let (share, range) = last.crossing(next);
-        let met = range.where_le(nearest, nearest.where_le(range, last.is_between(next), one), one);
-        let rate = met.where_negative(precision / (last.side - next.side), zero);
-        let second = met.where_negative(share * rate, zero);
-        let first = rate - second;
-        sums[0] = sums[0] - residual * first;
-        sums[1] = sums[1] - residual * second;
-        sums[2] = sums[2] + first * first;
-        sums[3] = sums[3] + first * second;
-        sums[4] = sums[4] + second * second;
+        let next = block.pass(&corner);
+        let is_between = last.is_between(next);
+        if is_between.any_negative() {
+            // The very steps by which the nearest was found, so it is found again.
+            let (share, range) = last.crossing(next);
+            let met = range.where_le(nearest, nearest.where_le(range, is_between, one), one);
+            let rate = met.where_negative(precision / (last.side - next.side), zero);
+            let second = met.where_negative(share * rate, zero);
+            let first = rate - second;
+            sums[0] = sums[0] - residual * first;
+            sums[1] = sums[1] - residual * second;
+            sums[2] = sums[2] + first * first;
+            sums[3] = sums[3] + first * second;
+            sums[4] = sums[4] + second * second;
+        }
         last = next;
     }
 }
@@ -163,7 +167,7 @@ fn assemble(candidate: &Candidate, sums: &[Sums]) -> (Vec<f64>, Vec<f64>) {
 #[inline(always)]
 fn may_change<L: Row>(
     block: &Block,
-    walls: &Walls,
+    walls: &Walls<Real>,
     nearest: L,
     slack: Real,
     top_slack: Real,
@@ -178,9 +182,9 @@ fn may_change<L: Row>(
     let play = L::splat(slack) * L::load(&block.level.map(Real::sqrt));
     let (mut open, mut crossed) = (0, 0);
     let mut before = walls.corners[walls.corners.len() - 1];
-    let mut last = block.pass::<L>(before);
+    let mut last = block.pass::<L, Real>(&before);
     for &corner in &walls.corners {
-        let next = block.pass(corner);
+        let next = block.pass(&corner);
         let length = (corner[0] - before[0]).hypot(corner[1] - before[1]);
         let (_, range) = last.crossing(next);
         let height = z + range * uz;
