@@ -2,11 +2,16 @@
 
 use crate::{Error, Vector, Workers};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Beams that one task follows.
 const TASK: usize = 1 << 15;
 /// Beams between two questions to the caller.
 const CHUNK: usize = 1 << 18;
+
+/// Both counts of a cell in one number.
+const CROSSED: u64 = 1;
+const PASSED: u64 = 1 << 32;
 
 /// Upright cells of one layer.
 #[derive(Clone, Copy)]
@@ -26,27 +31,60 @@ impl Grid {
         self.shape[0] * self.shape[1]
     }
 
-    /// Number of the cell, x by x, at a place in cells along x and y and a height.
-    fn index(&self, [x, y]: [f64; 2], z: f64) -> Option<usize> {
-        let [nx, ny] = self.shape;
-        let is_inside = x >= 0.0
-            && y >= 0.0
-            && x < nx as f64
-            && y < ny as f64
-            && self.heights[0] <= z
-            && z < self.heights[1];
-        is_inside.then(|| x as usize * ny + y as usize)
+    /// The way of a beam through the grid, in steps of a cell.
+    fn way(&self, origin: Vector, direction: Vector) -> Way {
+        let [low, high] = self.heights;
+        let scale = 1.0 / self.cell;
+        Way {
+            start: [
+                (origin[0] - self.low[0]) * scale,
+                (origin[1] - self.low[1]) * scale,
+                (origin[2] - low) * scale,
+            ],
+            direction,
+            ends: [self.shape[0] as f64, self.shape[1] as f64, (high - low) * scale],
+        }
+    }
+}
+
+/// A beam in cells from the corner of a grid.
+struct Way {
+    start: Vector,
+    direction: Vector,
+    /// Of the grid.
+    ends: Vector,
+}
+
+impl Way {
+    /// Where the beam is in the middle of a step.
+    fn at(&self, axis: usize, step: usize) -> f64 {
+        self.start[axis] + (step as f64 + 0.5) * self.direction[axis]
     }
 
-    /// Steps of a cell, from the first to the last, on which a beam may be in the layer.
-    fn steps(&self, z: f64, rise: f64, reach: f64) -> (usize, usize) {
-        let n_steps = (reach / self.cell).ceil() as usize;
-        let [a, b] = self.heights.map(|height| (height - z) / (rise * self.cell));
-        if a.is_finite() && b.is_finite() {
-            let (first, last) = (a.min(b).max(0.0) as usize, a.max(b).max(0.0) as usize + 1);
-            return (first.min(n_steps), last.min(n_steps));
+    fn is_inside(&self, step: usize) -> bool {
+        (0..3).all(|axis| (0.0..self.ends[axis]).contains(&self.at(axis, step)))
+    }
+
+    /// The steps in the grid, from the first to the last, of so many.
+    fn steps(&self, n_steps: usize) -> (usize, usize) {
+        let (mut first, mut last) = (0, n_steps);
+        for axis in 0..3 {
+            let [a, b] =
+                [0.0, self.ends[axis]].map(|end| (end - self.start[axis]) / self.direction[axis]);
+            if a.is_finite() && b.is_finite() {
+                first = first.max(a.min(b) as usize);
+                last = last.min((a.max(b) as usize).saturating_add(1));
+            }
         }
-        (0, n_steps)
+        // Rounding may have put a step at an end in or out.
+        first = first.saturating_sub(1);
+        while first < last && !self.is_inside(first) {
+            first += 1;
+        }
+        while first < last && !self.is_inside(last - 1) {
+            last -= 1;
+        }
+        (first, last)
     }
 }
 
@@ -65,25 +103,25 @@ pub fn carve(
     grid: Grid,
     workers: &Workers,
 ) -> Result<Vec<[u32; 2]>, Error> {
-    let empty = || vec![[0_u32; 2]; grid.len()];
-    let follow = |mut counts: Vec<[u32; 2]>, row: usize| {
-        let (origin, direction) = (origins[row], directions[row]);
-        let (first, last) = grid.steps(origin[2], direction[2], reach);
-        let start: [f64; 2] = std::array::from_fn(|k| (origin[k] - grid.low[k]) / grid.cell);
-        for step in first..last {
-            let cells = step as f64 + 0.5;
-            let depth = cells * grid.cell;
-            let at = std::array::from_fn(|k| start[k] + cells * direction[k]);
-            if let Some(cell) = grid.index(at, origin[2] + depth * direction[2]) {
-                let [crossed, passed] = &mut counts[cell];
-                *crossed += 1;
-                *passed += u32::from(depth < certain[row]);
+    let empty = || vec![0_u64; grid.len()];
+    let n_steps = (reach / grid.cell).ceil() as usize;
+    let follow = |mut counts: Vec<u64>, row: usize| {
+        let way = grid.way(origins[row], directions[row]);
+        let (first, last) = way.steps(n_steps);
+        let n_passed = (certain[row] / grid.cell + 0.5) as usize;
+        let mut count = |steps: Range<usize>, one: u64| {
+            for step in steps {
+                let [x, y] = [0, 1].map(|axis| way.at(axis, step) as u32 as usize);
+                counts[x * grid.shape[1] + y] += one;
             }
-        }
+        };
+        let end = n_passed.clamp(first, last.max(first));
+        count(first..end, CROSSED + PASSED);
+        count(end..last, CROSSED);
         counts
     };
-    let add = |mut sum: Vec<[u32; 2]>, other: Vec<[u32; 2]>| {
-        for (sum, other) in sum.as_flattened_mut().iter_mut().zip(other.as_flattened()) {
+    let add = |mut sum: Vec<u64>, other: Vec<u64>| {
+        for (sum, other) in sum.iter_mut().zip(other) {
             *sum += other;
         }
         sum
@@ -97,5 +135,5 @@ pub fn carve(
         });
         counts = add(counts, more);
     }
-    Ok(counts)
+    Ok(counts.into_iter().map(|count| [count as u32, (count / PASSED) as u32]).collect())
 }
