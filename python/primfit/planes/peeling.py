@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
@@ -216,24 +215,28 @@ def _merge(
 
     The pieces lie beside each other, no farther apart than the larger one is long.
     """
+    apart: set[tuple[Patch, Patch]] = set()
     merged = True
     while merged:
         merged = False
-        for a, b in combinations(patches, 2):
+        normals = np.reshape([patch.model.equation[:3] for patch in patches], (-1, 3))
+        alike = np.triu(normals @ normals.T >= _LEAST_COSINE, 1)
+        for a, b in ((patches[i], patches[j]) for i, j in np.argwhere(alike)):
+            if (a, b) in apart:
+                continue
             together = _union(cloud, a, b, how, scan, eps)
             if together is not None:
                 patches = [patch for patch in patches if patch is not a and patch is not b]
                 patches.append(together)
                 merged = True
                 break
+            apart.add((a, b))
     return patches
 
 
 def _union(
     cloud: NoisyPoints, a: Patch, b: Patch, how: Peeling, scan: Scan | None, eps: float
 ) -> Patch | None:
-    if a.model.equation[:3] @ b.model.equation[:3] < _LEAST_COSINE:
-        return None
     if len(a.inliers) < len(b.inliers):
         a, b = b, a
     other = b.corners @ a.axes.T

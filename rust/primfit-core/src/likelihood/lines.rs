@@ -37,7 +37,7 @@ impl LevelLines {
         lines
     }
 
-    fn from_middle(&self, place: [f64; 2]) -> [f32; 2] {
+    fn relative(&self, place: [f64; 2]) -> [f32; 2] {
         [0, 1].map(|k| (place[k] - self.middle[k]) as f32)
     }
 
@@ -69,7 +69,7 @@ impl LevelLines {
     /// far as `reach`.
     #[must_use]
     pub fn near(&self, place: [f64; 2], radius: f64, reach: f64, stride: usize) -> Vec<usize> {
-        let place = self.from_middle(place);
+        let place = self.relative(place);
         let (radius, reach) = (radius as f32, reach as f32);
         let comes_near = |&row: &usize| {
             self.left(row, place).abs() < radius && {
@@ -87,7 +87,7 @@ impl LevelLines {
         place: [f64; 2],
         radius: f64,
     ) -> Vec<f64> {
-        let (place, radius) = (self.from_middle(place), radius as f32);
+        let (place, radius) = (self.relative(place), radius as f32);
         let entry = |row| f64::from((self.along(row, place) - radius) / self.steps[row][1]);
         rows.into_iter().map(entry).collect()
     }
@@ -101,7 +101,7 @@ impl LevelLines {
         radius: f64,
         [n_ways, n_sides]: [usize; 2],
     ) -> Vec<usize> {
-        let (place, radius) = (self.from_middle(place), radius as f32);
+        let (place, radius) = (self.relative(place), radius as f32);
         let part = |share: f32, n: usize| ((share * n as f32) as usize).min(n - 1);
         let bundle = |row: usize| {
             let [dx, dy] = self.ways[row];
