@@ -94,17 +94,8 @@ def _instead(
     for alternative in alternatives:
         option = alternative(scene, others, body, cell)
         option = _needed(scene, others, _settled(scene, others, option, rng), rows)
-        for _ in range(_ROUNDS):
-            # Parts that explain less than the whole body does are none.
-            if len(option) < 2 or _score(scene, others, option, rows) >= whole:
-                break
-            if all(_misfit(scene, part) <= MISFIT for part in option):
-                break
-            again = _parts_anew(scene, others, option, body.seed, rows)
-            if again == option:
-                break
-            again = _settled(scene, others, again, rng)
-            option = min(option, again, key=lambda each: _score(scene, others, each, rows))
+        if len(option) > 1 and _score(scene, others, option, rows) < whole:
+            option = _refined(scene, others, option, body.seed, rows, rng)
         if not option or _touch(option, float(np.sqrt(body.seed.area))):
             continue
         score = _score(scene, others, option, rows)
@@ -113,6 +104,27 @@ def _instead(
             if _misfit(scene, body) <= MISFIT:
                 break
     return best
+
+
+def _refined(
+    scene: Scene,
+    others: list[Body],
+    parts: list[Body],
+    seed: Seed,
+    rows: Ints,
+    rng: np.random.Generator,
+) -> list[Body]:
+    """Parts sought once more, in turns, as long as they do not explain their beams."""
+    for _ in range(_ROUNDS):
+        scene.obstacles = [each.obstacle for each in others + parts]
+        if all(_misfit(scene, part) <= MISFIT for part in parts):
+            break
+        again = _parts_anew(scene, others, parts, seed, rows)
+        if again == parts:
+            break
+        again = _settled(scene, others, again, rng)
+        parts = min(parts, again, key=lambda each: _score(scene, others, each, rows))
+    return parts
 
 
 def _settled(
