@@ -96,15 +96,26 @@ def test_help_and_version(tmp_path):
         (["scan", "out.npz", "--world", "empty.npz"], "empty.npz is not a world"),
         (["scan", "out.npz", "--layers", "0"], "number_of_layers must be at least 1"),
         (["demo", "--noise", "-1"], "noise must be at least 0"),
+        (["demo", "--noise", "50"], "noise must be at most 1, a fraction of max_range, not 50"),
+        (["demo", "--rng", "-1"], "rng must be None, an integer of at least 0"),
+        (["demo", "--picture", "no/demo.png"], "there is no folder no to write demo.png to"),
+        (["scan", "no/out.npz"], "there is no folder no"),
+        (["scan", "out.npz", "--spacing", "1e-5"], "spacing must leave at most 1000000 positions"),
+        (["detect", "nan.npy", "--csv", "no/x.csv"], "there is no folder no"),
+        (["detect", "scan.npz", "--world", "scan.npz"], "scan.npz is not a world"),
+        (["detect", "scan.npz", "--origin", "0", "0", "0"], "--origin is for clouds"),
+        (["detect", "scan.npz", "--method", "likelihood", "--threshold", "1"], "wishes for planes"),
     ],
 )
 def test_mistakes_are_explained_in_a_line(words, message, tmp_path):
     (tmp_path / "empty.npz").write_bytes(b"")
     np.save(tmp_path / "nan.npy", np.full((5, 3), np.nan))
+    primfit.scan(primfit.World(), [[0.0, 0.0, 0.0]], rng=1).save(tmp_path / "scan.npz")
     result = primfit_command(*words, cwd=tmp_path)
     assert result.returncode == 2
     assert message in result.stderr
     assert "Traceback" not in result.stderr
+    assert len(result.stderr) < 300
 
 
 @pytest.mark.parametrize("number", range(len(reproduction.TABLES)))

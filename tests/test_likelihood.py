@@ -316,6 +316,22 @@ def test_a_bare_cloud_is_refused_by_name_and_has_its_own_default(small_scan):
     assert primfit.detect(from_one_place, rng=1).method == "planes"
 
 
+def test_a_cloud_stands_for_its_points(small_scan):
+    points = small_scan.points[small_scan.is_return]
+    cloud = primfit.Cloud(points, {"label": np.arange(len(points))})
+    assert primfit.detect(cloud, rng=1).to_json() == primfit.detect(points, rng=1).to_json()
+    assert len(primfit.detect_planes(cloud)) == len(primfit.detect_planes(points))
+
+
+def test_what_detect_does_not_take(small_scan):
+    with pytest.raises(TypeError, match=r"as Scan\.load or read_points read, not 'scan.npz'"):
+        primfit.detect("scan.npz")
+    with pytest.raises(TypeError, match=r"options of method='likelihood' are sigma, .*; not noise"):
+        primfit.detect(small_scan, noise=0.05)
+    with pytest.raises(ValueError, match="rng must be None, an integer of at least 0 or a"):
+        primfit.detect(small_scan, rng=-1)
+
+
 def test_obstacles_have_a_face_for_every_triangle():
     vertices, triangles, faces = Obstacle(np.array([[0.0, 0], [1, 0], [0, 1]]), 0.5).unit
     assert len(triangles) == len(faces)

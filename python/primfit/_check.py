@@ -88,6 +88,16 @@ def integer(name: str, value: Any, *, low: int) -> int:
     return int(value)
 
 
+def generator(rng: Any) -> np.random.Generator:
+    """The random numbers of an argument `rng`."""
+    try:
+        return np.random.default_rng(rng)
+    except (TypeError, ValueError) as error:
+        raise type(error)(
+            f"rng must be None, an integer of at least 0 or a numpy.random.Generator, not {rng!r}"
+        ) from None
+
+
 def choice(name: str, value: str, choices: Sequence[str]) -> str:
     """``value`` when it is one of ``choices``."""
     if value not in choices:
@@ -113,7 +123,7 @@ def range_of(name: str, values: Any, *, above: float = -np.inf) -> tuple[float, 
             f"{name} must be a number or a range (low, high), not {values!r}"
         ) from None
     if not (np.isfinite([low, high]).all() and above < low <= high):
-        what = "a range of positive numbers" if above == 0.0 else "a range (low, high)"
+        what = "a range of positive numbers" if above == 0.0 else "a range (low, high), low <= high"
         raise ValueError(f"{name} must be {what}, not {values!r}")
     return float(low), float(high)
 

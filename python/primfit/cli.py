@@ -16,6 +16,7 @@ import numpy as np
 import typer
 
 import primfit
+from primfit._check import generator
 
 app = typer.Typer(
     help="LiDAR scans to solid geometry.",
@@ -40,11 +41,20 @@ def _explained(command: Callable[..., None]) -> Callable[..., None]:
     def run(*args: Any, **kwargs: Any) -> None:
         try:
             command(*args, **kwargs)
-        except (ValueError, TypeError, OSError, ModuleNotFoundError) as error:
+        except BrokenPipeError:
+            raise typer.Exit(1) from None
+        except (ValueError, TypeError, OSError, MemoryError, ModuleNotFoundError) as error:
             typer.echo(f"primfit: {error}", err=True)
             raise typer.Exit(2) from None
 
     return run
+
+
+def _check_folders(*files: Path | None) -> None:
+    """Refuse to work for files that cannot be written."""
+    for file in files:
+        if file is not None and not file.parent.is_dir():
+            raise ValueError(f"there is no folder {file.parent} to write {file.name} to")
 
 
 def _version(wanted: bool) -> None:
@@ -67,11 +77,12 @@ def _options(
 def demo(
     rng: Seed = None,
     noise: Annotated[float, typer.Option(help="Noise, as a fraction of the range of 1 m.")] = 0.0,
-    method: Annotated[str, typer.Option(help="likelihood or paper.")] = "likelihood",
+    method: Annotated[str, typer.Option(help="likelihood, planes or paper.")] = "likelihood",
     picture: Annotated[Path, typer.Option(help="Picture to write.")] = Path("demo.png"),
     as_json: AsJson = False,
 ) -> None:
     """Do the paper's job on a random map: print its table and write a picture."""
+    _check_folders(picture)
     seed = int(np.random.SeedSequence().generate_state(1)[0]) if rng is None else rng
     world = primfit.random_world(rng=seed)
     path = primfit.grid_path(world, rng=seed)
@@ -107,14 +118,15 @@ def scan(
     progress: Annotated[bool, typer.Option(help="Show a bar.")] = True,
 ) -> None:
     """Scan a world from a grid of poses."""
-    generator = np.random.default_rng(rng)
-    scene = primfit.World.load(world) if world else primfit.random_world(rng=generator)
+    _check_folders(out, save_world)
+    numbers = generator(rng)
+    scene = primfit.World.load(world) if world else primfit.random_world(rng=numbers)
     lidar = primfit.Lidar(
         number_of_layers=layers, horizontal_resolution=columns, max_range=max_range, noise=noise
     )
-    path = primfit.grid_path(scene, spacing, headings=headings, rng=generator)
+    path = primfit.grid_path(scene, spacing, headings=headings, rng=numbers)
     result = primfit.scan(
-        scene, path, lidar, rng=generator, progress=progress and sys.stderr.isatty()
+        scene, path, lidar, rng=numbers, progress=progress and sys.stderr.isatty()
     )
     if out.suffix.lower() == ".npz":
         result.save(out)
@@ -161,8 +173,12 @@ def detect(
     as_json: AsJson = False,
 ) -> None:
     """Find planes and solids in a scan or cloud; a cloud is also written coloured by plane."""
+    _check_folders(picture, cloud, mesh, csv)
+    truth = None if world is None else primfit.World.load(world)
     recorded, n_left_out = _read(file, origin)
     is_scan = recorded.pose_index is not None
+    if is_scan and origin:
+        raise ValueError("--origin is for clouds: the scan knows where its beams began")
     options: dict[str, Any] = {}
     if method is None:
         has_wishes = orientation or threshold or min_points
@@ -173,6 +189,11 @@ def detect(
         )
     elif method == "planes":
         options |= {"threshold": threshold, "min_points": min_points}
+    elif threshold is not None or min_points is not None or orientation is not None:
+        raise ValueError(
+            "--threshold, --min-points and --orientation are wishes for planes, which --method "
+            f"paper and planes take, not {method}"
+        )
     if orientation:
         options["orientation"] = orientation
     found = primfit.detect(recorded, method, rng=rng, sigma=sigma, **options)
@@ -180,14 +201,14 @@ def detect(
         picture = picture or Path(f"{file.stem}_planes.png")
         cloud = cloud or Path(f"{file.stem}_planes.ply")
     written = _write(found, picture=picture, cloud=cloud, mesh=mesh, csv=csv)
-    report = primfit.evaluate(found, primfit.World.load(world)) if world else None
+    report = None if truth is None else primfit.evaluate(found, truth)
     if as_json:
         content = found.to_dict() | {"report": report and report.to_dict()}
         _say(json.dumps(content | {"written": [str(path) for path in written]}))
         return
     _say(f"{recorded!r}" + (f", {n_left_out} rows without a point" if n_left_out else ""))
     _say(f"{found!r}")
-    _say(", ".join(f"{key} {value:.4g}" for key, value in found.settings.items()))
+    _say(", ".join([f"method {method}", *(f"{key} {x:.4g}" for key, x in found.settings.items())]))
     _say(_planes_table(found))
     for solid in found.solids:
         _say(f"{solid!r}")
@@ -276,6 +297,7 @@ def reproduce(
     """Print every table of the paper, its figures beside ours."""
     from primfit import reproduction
 
+    _check_folders(figure)
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
         tables = reproduction.reproduce(
             n,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from inspect import signature
+from os import PathLike
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -27,7 +29,7 @@ def detect(
 
     Parameters
     ----------
-    scan : Scan or (n, 3) float64, metres
+    scan : Scan, Cloud or (n, 3) float64, metres
         The raw scan, floor returns included, or a bare cloud.
     method : str or None
         "likelihood": solids that explain all ranges, returned or not, which stands noise as large
@@ -50,6 +52,8 @@ def detect(
     ------
     ValueError
         When the method is unknown, or the scan is empty or not finite.
+    TypeError
+        When the method does not know an option.
 
     Examples
     --------
@@ -59,10 +63,20 @@ def detect(
     >>> primfit.detect(scan, rng=7)
     Detection(1 solid: square; an arena; 8 planes; sigma 0 mm)
     """
+    if isinstance(scan, str | PathLike):
+        raise TypeError(
+            f"scan must be a Scan or points, as Scan.load or read_points read, not {scan!r}"
+        )
     recorded = scan if isinstance(scan, Scan) else Scan.from_points(scan)
     if method is None:
         passed_is_known = recorded.has_origins and recorded.max_range is not None
         method = "likelihood" if passed_is_known else "planes"
     run = _METHODS[choice("method", method, list(_METHODS))]
+    known = [
+        name for name, each in signature(run).parameters.items() if each.kind == each.KEYWORD_ONLY
+    ]
+    for name in options:
+        if name not in known:
+            raise TypeError(f"options of method={method!r} are {', '.join(known)}; not {name}")
     offset = recorded.far_offset
     return run(recorded.moved(-offset), rng, **options).moved(offset, recorded)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from primfit._check import generator
 from primfit.detection import detect
 from primfit.evaluation import Report, evaluate
 from primfit.paper.detection import PaperSettings
@@ -241,7 +242,7 @@ def reproduce(
     """
     chosen = [TABLES[i] for i in (range(len(TABLES)) if tables is None else tables)]
     cases = [case for _, cases in chosen for case in cases]
-    seeds = np.random.default_rng(rng).integers(2**63, size=(len(cases), n))
+    seeds = generator(rng).integers(2**63, size=(len(cases), n))
     jobs = [
         (case, int(seed), paper) for case, row in zip(cases, seeds, strict=True) for seed in row
     ]

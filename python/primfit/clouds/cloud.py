@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from primfit._check import Floats, as_rows, frozen, integer
 
@@ -87,6 +87,10 @@ class Cloud:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        """The points: a cloud may be given wherever points are asked for."""
+        return np.array(self.points, dtype, copy=copy)
 
     def __repr__(self) -> str:
         count = f"{len(self)} point{'s' * (len(self) != 1)}"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from primfit._check import n_jobs_or_none
+from primfit._check import generator, n_jobs_or_none
 from primfit.clouds.noise import estimate_range_sigma
 from primfit.likelihood.beams import LEAST_SIGMA, Noise
 from primfit.likelihood.carving import Seed, carve
@@ -99,10 +99,10 @@ def detect_likelihood(
     """
     if not scan.has_origins:
         raise ValueError(
-            "scan must have origins for method='likelihood', which asks where beams passed; "
-            "use method='paper' for a bare cloud"
+            "scan must have origins for method='likelihood', which asks where beams passed; give "
+            "them to Scan.from_points, or use method='planes' for a bare cloud"
         )
-    rng = np.random.default_rng(rng)
+    rng = generator(rng)
     threads = n_jobs_or_none(n_jobs)
     rows = np.flatnonzero(scan.is_return)
     check_enough(len(rows))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from primfit._check import instance, integer, n_jobs_or_none, number
+from primfit._check import generator, instance, integer, n_jobs_or_none, number
 from primfit.geometry.footprints import signed_area
 from primfit.paper.classification import Outline, classify, classify_by_sides
 from primfit.paper.topology import (
@@ -176,7 +176,7 @@ def detect_paper(
     how = PaperSettings() if settings is None else settings
     instance("settings", how, PaperSettings)
     wanted = Orientation.of(orientation, max_angle)
-    rng = np.random.default_rng(rng)
+    rng = generator(rng)
     rows = np.flatnonzero(scan.is_return & ~(scan.points[:, 2] < how.z_low))
     check_enough(len(rows))
     cloud, used_sigma = noisy_points(

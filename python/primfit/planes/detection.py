@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
-from primfit._check import Bools, Floats, Ints, frozen, integer, n_jobs_or_none, number
+from primfit._check import Bools, Floats, Ints, frozen, generator, integer, n_jobs_or_none, number
 from primfit.clouds.noise import FLOOR
 from primfit.planes.outlines import outline
 from primfit.planes.plane import Plane, Planes, axes_of
@@ -98,7 +98,7 @@ def detect_planes(
         cloud = np.asarray(points).view()
         cloud.setflags(write=False)
         scan = Scan.from_points(cloud, origins, sigma)
-    np.random.default_rng(rng)
+    generator(rng)
     offset = scan.far_offset
     scan = scan.moved(-offset)
     wanted = Orientation.of(orientation, max_angle)

@@ -36,7 +36,7 @@ class Lidar:
     min_range, max_range : float, metres
         A true range outside gives no return.
     noise : float
-        Standard deviation along the beam as a fraction of `max_range`.
+        Standard deviation along the beam as a fraction of `max_range`, from 0 to 1.
     resolution : float, metres
         Step to which ranges are rounded; -1 for none.
     mount : (3,) or (4, 4) or "e-puck"
@@ -79,9 +79,11 @@ class Lidar:
         vertical = number("vertical_field_of_view", self.vertical_field_of_view, low=0.0)
         horizontal = number("field_of_view", self.field_of_view, above=0.0)
         if vertical >= np.pi:
-            raise ValueError(f"vertical_field_of_view must be less than pi, not {vertical!r}")
+            raise ValueError(
+                f"vertical_field_of_view must be less than pi radians, not {vertical!r}"
+            )
         if horizontal > 2 * np.pi + 1e-9:
-            raise ValueError(f"field_of_view must be at most 2 pi, not {horizontal!r}")
+            raise ValueError(f"field_of_view must be at most 2 pi radians, not {horizontal!r}")
         if self.number_of_layers > 1 and vertical == 0.0:
             raise ValueError(
                 f"vertical_field_of_view must be greater than 0 for number_of_layers="
@@ -100,7 +102,12 @@ class Lidar:
         set_field(self, "field_of_view", horizontal)
         set_field(self, "min_range", min_range)
         set_field(self, "max_range", max_range)
-        set_field(self, "noise", number("noise", self.noise, low=0.0))
+        noise = number("noise", self.noise, low=0.0)
+        if noise > 1.0:
+            raise ValueError(
+                f"noise must be at most 1, a fraction of max_range, not {self.noise!r}"
+            )
+        set_field(self, "noise", noise)
         set_field(self, "resolution", resolution)
         set_field(self, "mount", frozen(_as_transform(self.mount)))
         if self.number_of_layers > 1:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit import _primfit
-from primfit._check import Bools, Floats, check_finite, frozen, instance, n_jobs_or_none
+from primfit._check import Bools, Floats, check_finite, frozen, generator, instance, n_jobs_or_none
 from primfit._progress import Progress, reporting
 from primfit.scans.casting import RayCaster
 from primfit.scans.lidar import Lidar, check_transforms
@@ -79,7 +79,7 @@ def scan(
             f"path has no valid pose: all {len(poses)} are inside a solid or outside the arena of "
             f"{world!r}"
         )
-    rng = np.random.default_rng(rng)
+    rng = generator(rng)
     caster = RayCaster(world)._core
     n_jobs = n_jobs_or_none(n_jobs)
     directions = lidar.directions

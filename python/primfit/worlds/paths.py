@@ -9,8 +9,11 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from primfit._check import Bools, Floats, as_rows, instance, integer, number
+from primfit._check import Bools, Floats, as_rows, generator, instance, integer, number
 from primfit.worlds.world import World
+
+_MOST_POSITIONS = 1_000_000
+"""Positions of a grid: with four headings of the paper's sensor, readings of 128 GB."""
 
 
 def grid_path(
@@ -50,7 +53,7 @@ def grid_path(
     Raises
     ------
     ValueError
-        When no pose is valid.
+        When no pose is valid, or there are more than a million positions.
 
     Examples
     --------
@@ -67,6 +70,11 @@ def grid_path(
         margin = number("margin", margin, low=0.0)
         low, high = low - margin, high + margin
     counts = np.maximum(np.rint((high - low) / spacing).astype(int), 1)
+    if counts.prod(dtype=float) > _MOST_POSITIONS:
+        raise ValueError(
+            f"spacing must leave at most {_MOST_POSITIONS} positions, not {spacing:g} m with "
+            f"{counts[0]} x {counts[1]}"
+        )
     x, y = (low[k] + (np.arange(counts[k]) + 0.5) * (high[k] - low[k]) / counts[k] for k in (0, 1))
     positions = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     positions = positions[is_free(world, positions, clearance)]
@@ -75,7 +83,7 @@ def grid_path(
             f"the path has no valid pose: no position of a grid with spacing={spacing:g} m is at "
             f"least clearance={clearance:g} m from the solids and walls of {world!r}"
         )
-    start = np.random.default_rng(rng).uniform(0.0, 2 * np.pi, len(positions))
+    start = generator(rng).uniform(0.0, 2 * np.pi, len(positions))
     yaws = start[:, None] + 2 * np.pi * np.arange(headings) / headings
     return np.column_stack(
         [np.repeat(positions, headings, axis=0), np.mod(yaws, 2 * np.pi).ravel()]

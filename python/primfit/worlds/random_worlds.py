@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from primfit._check import Floats, integer, number, range_of
+from primfit._check import Floats, generator, integer, number, range_of
 from primfit.worlds.prism import Prism
 from primfit.worlds.random_polyhedra import POLYHEDRA, random_polyhedron
 from primfit.worlds.world import Arena, Solid, World
@@ -102,7 +102,7 @@ def random_world(
     >>> primfit.random_world(3, rng=1)
     World(3 solids: square, rectangle, square; arena 2 x 2 m)
     """
-    rng = np.random.default_rng(rng)
+    rng = generator(rng)
     sizes = sizes or {}
     kinds = list(kinds)
     known = SIZES | POLYHEDRA

@@ -226,8 +226,12 @@ class World:
                 for solid in content["solids"]
             ]
             return cls(solids, arena)
-        except (ValueError, KeyError, TypeError) as error:
-            raise ValueError(f"{file} is not a world that primfit wrote: {error!r}") from None
+        except KeyError as error:
+            raise ValueError(
+                f"{file} is not a world that primfit wrote: it lacks {error}"
+            ) from None
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"{file} is not a world that primfit wrote: {error}") from None
 
     def __repr__(self) -> str:
         kinds = ", ".join(solid.kind for solid in self.solids) or "empty"
