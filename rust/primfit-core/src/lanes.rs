@@ -215,6 +215,27 @@ mod tests {
         }
     }
 
+    for_each_set! {
+        fn any_negative(a: &[f32; 16]) -> bool {
+            <Set as Isa>::Sixteen::load(a).any_negative()
+        }
+    }
+
+    #[test]
+    fn one_negative_lane_is_seen_on_all_sets() {
+        for set in Instructions::available() {
+            assert!(!any_negative(set, &[0.0; 16]));
+            assert!(!any_negative(set, &[f32::NAN; 16]));
+            for i in 0..16 {
+                for negative in [-0.0, -1.0, -f32::NAN] {
+                    let mut a = [1.0; 16];
+                    a[i] = negative;
+                    assert!(any_negative(set, &a));
+                }
+            }
+        }
+    }
+
     #[test]
     fn choices_are_the_same_on_all_sets() {
         let odd = [0.0, -0.0, 1.0, -1.0, f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY];

@@ -26,9 +26,6 @@ use crate::lanes::{Isa, Lanes};
 use beams::BLOCK;
 use meeting::{Real, Walls};
 
-/// Blocks that are summed up in single precision.
-pub(crate) const RUN: usize = 8;
-
 /// How far along each beam it first meets the upright walls over a footprint, however high they
 /// are; infinite for never.
 #[must_use]

@@ -5,11 +5,14 @@
 //! information matrix; the others, at silhouettes and edges, are left open, to be cast again for
 //! each candidate.
 
+use super::Candidate;
 use super::beams::{BLOCK, BeamBlocks, Block, Row};
 use super::meeting::{Real, Walls};
-use super::{Candidate, RUN};
 use crate::instructions::widest;
 use crate::lanes::{Isa, Lanes};
+
+/// Blocks that are summed up in single precision.
+const RUN: usize = 8;
 
 /// Cost of a prism and how it changes with its corners.
 pub struct Expansion {

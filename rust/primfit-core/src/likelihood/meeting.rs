@@ -117,7 +117,8 @@ impl<T> Beam<T> {
         let (zero, one, never) = (L::splat(0.0), L::splat(1.0), L::splat(Real::INFINITY));
         let (bottom, top): (L, L) = (walls.bottom.lanes(), walls.top.lanes());
         let (z, uz): (L, L) = (self.z.lanes(), self.uz.lanes());
-        let is_over = (z.le(top) | zero.le(uz)) != zero.le(zero);
+        let all = zero.le(zero);
+        let is_over = (z.le(top) | zero.le(uz)) != all;
         let descent = if is_over { (top - z) / uz } else { never };
         // Negative after an odd number of walls beyond the height of the top.
         let mut beyond = one;
