@@ -281,6 +281,8 @@ class TestRecorded:
             np.testing.assert_array_equal(getattr(again, name), getattr(small_scan, name))
         assert again.sigma == small_scan.sigma
         assert again.max_range == small_scan.max_range
+        assert again.min_range == small_scan.min_range == 0.01
+        assert again.select([0, 1]).min_range == 0.01
 
     @pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"text"])
     def test_foreign_files(self, content, tmp_path):

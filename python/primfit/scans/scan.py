@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _ARRAYS = ("points", "origins", "directions", "ranges")
 _INDICES = ("layer", "column", "pose_index", "solid_index")
+_NUMBERS = ("sigma", "min_range", "max_range")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,8 +47,8 @@ class Scan:
         -1 nothing, -2 arena, -3 floor.
     sigma : float, (n,) float64 or None, metres
         Standard deviation of the ranges; 0 is exact, None is not known.
-    max_range : float or None, metres
-        Beyond it the sensor gets no return.
+    min_range, max_range : float or None, metres
+        Nearer than the first, and beyond the second, the sensor gets no return; None is not known.
     """
 
     points: Floats
@@ -59,6 +60,7 @@ class Scan:
     pose_index: Later[Ints | None] = Later(None)  # noqa: RUF009
     solid_index: Ints | None = None
     sigma: float | Floats | None = None
+    min_range: float | None = None
     max_range: float | None = None
 
     def __post_init__(self) -> None:
@@ -80,6 +82,7 @@ class Scan:
         ranges: ArrayLike,
         sigma: ArrayLike | None = None,
         *,
+        min_range: float | None = None,
         max_range: float | None = None,
         layer: ArrayLike | None = None,
         column: ArrayLike | None = None,
@@ -98,13 +101,15 @@ class Scan:
             comes after the sensor's gate.
         sigma : float or (n,) or None, metres
             Standard deviation of the ranges; None is not known.
-        max_range : float or None, metres
+        min_range, max_range : float or None, metres
+            Range limits of the sensor; None is not known.
         layer, column, pose_index, solid_index : (n,) int or None
 
         Raises
         ------
         ValueError
-            When shapes do not match, a range is NaN or minus infinity, or a direction is zero.
+            When shapes do not match, a range is NaN or minus infinity, a direction is zero, or
+            `min_range` is not below `max_range`.
 
         Examples
         --------
@@ -128,6 +133,7 @@ class Scan:
         is_return = np.isfinite(lengths)
         points = np.full((n, 3), np.nan)
         points[is_return] = starts[is_return] + lengths[is_return, None] * unit[is_return]
+        nearest, farthest = range_limits(min_range, max_range)
         return cls(
             points=points,
             origins=starts,
@@ -138,12 +144,19 @@ class Scan:
             pose_index=_indices("pose_index", pose_index, n),
             solid_index=_indices("solid_index", solid_index, n),
             sigma=as_sigma(sigma, n),
-            max_range=None if max_range is None else number("max_range", max_range, above=0.0),
+            min_range=nearest,
+            max_range=farthest,
         )
 
     @classmethod
     def from_points(
-        cls, points: ArrayLike, origins: ArrayLike | None = None, sigma: ArrayLike | None = None
+        cls,
+        points: ArrayLike,
+        origins: ArrayLike | None = None,
+        sigma: ArrayLike | None = None,
+        *,
+        min_range: float | None = None,
+        max_range: float | None = None,
     ) -> Scan:
         """A scan from a recorded cloud.
 
@@ -154,11 +167,14 @@ class Scan:
             Where the sensor was, for each point or for all; None is not known.
         sigma : float or (n,) or None, metres
             Standard deviation of the ranges; None is not known.
+        min_range, max_range : float or None, metres
+            Range limits of the sensor; None is not known.
 
         Raises
         ------
         ValueError
-            When shapes do not match, points are not finite, or a point is at its origin.
+            When shapes do not match, points are not finite, a point is at its origin, or
+            `min_range` is not below `max_range`.
 
         Examples
         --------
@@ -168,6 +184,7 @@ class Scan:
         """
         cloud = as_rows("points", points, 3)
         n = len(cloud)
+        nearest, farthest = range_limits(min_range, max_range)
         if origins is None:
             unknown = np.broadcast_to(np.nan, (n, 3))
             return cls(
@@ -176,6 +193,8 @@ class Scan:
                 directions=unknown,
                 ranges=unknown[:, 0],
                 sigma=as_sigma(sigma, n),
+                min_range=nearest,
+                max_range=farthest,
             )
         starts = one_or_each("origins", origins, n)
         ranges = np.linalg.norm(cloud - starts, axis=1)
@@ -189,6 +208,8 @@ class Scan:
             directions=(cloud - starts) / ranges[:, None],
             ranges=ranges,
             sigma=as_sigma(sigma, n),
+            min_range=nearest,
+            max_range=farthest,
         )
 
     def __len__(self) -> int:
@@ -212,7 +233,7 @@ class Scan:
             array = getattr(self, name)
             changes[name] = None if array is None else array[index]
         sigma = self.sigma[index] if isinstance(self.sigma, np.ndarray) else self.sigma
-        return Scan(**changes, sigma=sigma, max_range=self.max_range)
+        return Scan(**changes, sigma=sigma, min_range=self.min_range, max_range=self.max_range)
 
     def moved(self, offset: Floats) -> Scan:
         """The scan moved by a vector (3,), metres."""
@@ -244,7 +265,7 @@ class Scan:
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write the scan as a NumPy archive (.npz); every number survives exactly."""
-        fields = {name: getattr(self, name) for name in (*_ARRAYS, *_INDICES, "sigma", "max_range")}
+        fields = {name: getattr(self, name) for name in (*_ARRAYS, *_INDICES, *_NUMBERS)}
         known = {name: value for name, value in fields.items() if value is not None}
         with open(file, "wb") as stream:
             np.savez_compressed(stream, primfit="scan", **known)
@@ -263,7 +284,7 @@ class Scan:
                 fields = {name: archive[name] for name in archive.files}
             if fields.pop("primfit") != "scan":
                 raise KeyError("primfit")
-            for name in ("sigma", "max_range"):
+            for name in _NUMBERS:
                 if name in fields and fields[name].ndim == 0:
                     fields[name] = float(fields[name])
             scan = cls(**fields)
@@ -302,6 +323,17 @@ def one_or_each(name: str, values: ArrayLike, n: int) -> Floats:
     if len(rows) != n:
         raise ValueError(f"{name} must have shape ({n}, 3) or (3,), not {rows.shape}")
     return rows
+
+
+def range_limits(
+    min_range: float | None, max_range: float | None
+) -> tuple[float | None, float | None]:
+    """Checked range limits of a sensor, metres."""
+    nearest = None if min_range is None else number("min_range", min_range, low=0.0)
+    farthest = None if max_range is None else number("max_range", max_range, above=0.0)
+    if nearest is not None and farthest is not None and nearest >= farthest:
+        raise ValueError(f"min_range must be less than max_range={farthest:g}, not {min_range!r}")
+    return nearest, farthest
 
 
 def as_sigma(sigma: ArrayLike | None, n: int) -> float | Floats | None:

@@ -109,6 +109,7 @@ def scan(
         pose_index=partial(np.repeat, valid, n_beams),
         solid_index=frozen(ids),
         sigma=lidar.sigma,
+        min_range=lidar.min_range,
         max_range=lidar.max_range,
     )
 
