@@ -23,12 +23,11 @@ from scipy.stats import chi2
 
 import primfit
 from primfit.geometry.footprints import symmetry_angle
-from primfit.likelihood.beams import Noise
-from primfit.likelihood.fitting import climb
-from primfit.likelihood.scene import Obstacle, Scene
-from primfit.likelihood.templates import TEMPLATES
 
 KINDS = ("triangle", "square", "rectangle", "pentagon")
+
+STEP = 1e-6
+"""By which parameters differ, metres and radians, for the slopes of ranges."""
 
 
 @dataclass(frozen=True)
@@ -93,21 +92,35 @@ def confidence(truth, solid) -> float:
 def cramer_rao(scan, world) -> float:
     """Root of the trace of the bound of the centre, mm, from the ranges that hit the solid."""
     solid = world.solids[0]
-    sigma = np.full(len(scan), float(np.max(scan.sigma)))
-    scene = Scene(scan, Noise(sigma=sigma, reach=scan.max_range), 0.0, 1)
-    low, high = world.bounds
-    walls = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
-    scene.room = Obstacle(walls, scene.ceiling)
-    scene.obstacles = [Obstacle(solid.footprint, solid.height)]
-    beams = scene.near(solid.center[:2], 0.5, 0)
-    template = next(
-        each
-        for each in TEMPLATES
-        if each.kind == solid.kind and each.axes.shape[1] == len(solid.footprint)
-    )
+    hits = scan.select(scan.is_return & (scan.solid_index == 0))
     truth = np.array([*solid.center[:2], solid.angle, *np.atleast_1d(solid.size)])
-    fit = climb(beams, template, truth, solid.height, steps=0)
-    return 1e3 * float(np.sqrt(np.trace(fit.covariance[:2, :2])))
+
+    def ranges(parameters: np.ndarray) -> np.ndarray:
+        other = primfit.World([same_kind(solid, parameters)])
+        return primfit.RayCaster(other).cast(hits.origins, hits.directions)[0]
+
+    slopes = np.stack(
+        [
+            (ranges(truth + step) - ranges(truth - step)) / (2 * STEP)
+            for step in STEP * np.eye(len(truth))
+        ],
+        axis=1,
+    )
+    # Beams at the very edge of the solid pass it on one side.
+    slopes = slopes[np.isfinite(slopes).all(axis=1)]
+    covariance = np.linalg.inv(slopes.T @ slopes) * np.max(scan.sigma) ** 2
+    return 1e3 * float(np.sqrt(np.trace(covariance[:2, :2])))
+
+
+def same_kind(solid, parameters: np.ndarray) -> primfit.Prism:
+    """A prism of the same kind and height with other centre, angle and sizes."""
+    x, y, angle, *sizes = parameters
+    place = {"center": (x, y), "angle": angle, "height": solid.height}
+    if solid.kind == "rectangle":
+        return primfit.Prism.rectangle(*sizes, **place)
+    if solid.kind == "star":
+        return primfit.Prism.star(len(solid.footprint) // 2, *sizes, **place)
+    return primfit.Prism.regular(len(solid.footprint), *sizes, **place)
 
 
 def summary(results: list[dict]) -> str:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import primfit
-from primfit import reproduction
 
 
 def primfit_command(*words, cwd):
@@ -67,6 +66,16 @@ def test_scan_then_detect(tmp_path):
     assert len(primfit.read_points(tmp_path / "cloud.ply")) > 10_000
 
 
+def test_kinds_of_the_random_world(tmp_path):
+    made = primfit_command(
+        "scan", "scan.npz", "--save-world", "world.json", "--kind", "circle", "--kind", "ellipse",
+        "--rng", "5", "--spacing", "0.5", cwd=tmp_path,
+    )  # fmt: skip
+    assert made.returncode == 0, made.stderr
+    kinds = {solid.kind for solid in primfit.World.load(tmp_path / "world.json").solids}
+    assert kinds == {"circle", "ellipse"}
+
+
 def test_detect_a_cloud(tmp_path):
     rng = np.random.default_rng(1)
     uv = rng.uniform(size=(2, 800, 2))
@@ -99,6 +108,8 @@ def test_help_and_version(tmp_path):
         (["demo", "--noise", "50"], "noise must be at most 1, a fraction of max_range, not 50"),
         (["demo", "--rng", "-1"], "rng must be None, an integer of at least 0"),
         (["demo", "--picture", "no/demo.png"], "there is no folder no to write demo.png to"),
+        (["demo", "--kind", "blob"], "kinds must be taken from triangle, square"),
+        (["scan", "out.npz", "--kind", "star", "--world", "w.json"], "--kind is for random worlds"),
         (["scan", "no/out.npz"], "there is no folder no"),
         (["scan", "out.npz", "--spacing", "1e-5"], "spacing must leave at most 1000000 positions"),
         (["detect", "nan.npy", "--csv", "no/x.csv"], "there is no folder no"),
@@ -116,29 +127,3 @@ def test_mistakes_are_explained_in_a_line(words, message, tmp_path):
     assert message in result.stderr
     assert "Traceback" not in result.stderr
     assert len(result.stderr) < 300
-
-
-@pytest.mark.parametrize("number", range(len(reproduction.TABLES)))
-def test_every_table_of_the_paper(number, tmp_path):
-    title, cases = reproduction.TABLES[number]
-    table = reproduction.reproduce(1, rng=1, paper=number < 2, tables=[number])[0]
-    assert table.title == title
-    assert len(table.rows) == len(cases)
-    text = str(table)
-    for case, outcomes in table.rows:
-        assert case.paper in text
-        assert outcomes["ours"].n_solids >= 1
-        if case.noise == 0 and case.columns >= 16:
-            assert outcomes["ours"].n_right == outcomes["ours"].n_solids
-    json.dumps(table.to_dict())
-    reproduction.save_against_noise(tmp_path / "noise.png", table)
-    assert (tmp_path / "noise.png").stat().st_size > 10_000
-
-
-def test_reproduction_does_not_depend_on_where_it_runs():
-    from concurrent.futures import ThreadPoolExecutor
-
-    with ThreadPoolExecutor(2) as executor:
-        there = reproduction.reproduce(2, rng=5, paper=False, tables=[0], executor=executor)
-    here = reproduction.reproduce(2, rng=5, paper=False, tables=[0])
-    assert here[0].to_dict() == there[0].to_dict()

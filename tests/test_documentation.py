@@ -66,7 +66,8 @@ def test_readme_on_the_command_line(tmp_path):
     for line in lines:
         words = shlex.split(line)[1:]
         if words[0] == "reproduce":
-            words = ["reproduce", "-n", "1", "--no-paper", *words[3:]]
+            words = ["reproduce", "-n", "1", "--n-paper", "1", "--spacing", "2", "--table", "1",
+                     "--no-paper", *words[3:]]  # fmt: skip
         result = primfit_command(*words, cwd=tmp_path)
         assert result.returncode == 0, result.stderr
         if words[0] == "demo":

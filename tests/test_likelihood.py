@@ -7,39 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from small_maps import ROOM, scanned, scene_of
 
 import primfit
 from primfit import _primfit
 from primfit.clouds.noise import estimate_range_sigma
-from primfit.likelihood.beams import Noise
-from primfit.likelihood.competition import Contender, _simplest
-from primfit.likelihood.fitting import Fit, Top, approach, climb, find_top, settle
-from primfit.likelihood.sampling import QUICK, THOROUGH
-from primfit.likelihood.scene import Obstacle, Scene
-from primfit.likelihood.templates import (
+from primfit.likelihood.candidates import ranked
+from primfit.likelihood.fitting import Fit, Top, climb, coarse_to_fine, find_top, sample_posterior
+from primfit.likelihood.footprint_models import (
     RECTANGLE,
     REGULAR,
     SQUARE,
     STARS,
     FreePolygon,
 )
+from primfit.likelihood.hypotheses import Candidate
+from primfit.likelihood.obstacles import Obstacle
+from primfit.likelihood.settings import LikelihoodSettings
 
-ROOM = primfit.World([], primfit.Arena((1, 1)))
-
-
-def scanned(world, noise, seed):
-    path = primfit.grid_path(world, 0.25, rng=seed)
-    return primfit.scan(world, path, primfit.Lidar(noise=noise), rng=seed)
-
-
-def scene_of(solid, noise, seed=1):
-    """A scene with the true room and no solid, and the beams of a scan with one."""
-    scan = scanned(primfit.World([solid], ROOM.arena), noise, seed)
-    sigma = np.full(len(scan), max(noise, 1e-5))
-    scene = Scene(scan, Noise(sigma=sigma, reach=1.0), 0.0, 1)
-    walls = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    scene.room = Obstacle(walls, scene.ceiling)
-    return scene, scene.near(solid.center[:2], 0.4, None)
+SAMPLING = LikelihoodSettings().sampling
 
 
 @pytest.mark.parametrize("height", [0.05, 0.2])
@@ -50,17 +36,17 @@ def test_costs_are_those_of_the_ray_caster(height):
     expected, _ = primfit.RayCaster(primfit.World([star], ROOM.arena)).cast(
         scan.origins, scan.directions
     )
-    foreseen, returned = expected <= 1.0, scan.is_return
+    foreseen, returned = (expected >= 0.01) & (expected <= 1.0), scan.is_return
     with np.errstate(invalid="ignore"):
         explained = np.minimum(0.5 * ((scan.ranges - expected) / 0.05) ** 2, 12.5)
     cost = np.where(foreseen & returned, explained, 0.0)
     cost[~foreseen & returned] = 12.5
     cost[foreseen & ~returned] = 7.5
     arrays = (scan.origins, scan.directions, scan.ranges, background, np.full(len(scan), 0.05))
-    beams = _primfit.BeamBlocks(*map(np.ascontiguousarray, arrays), 1.0, 12.5, 7.5)
+    beams = _primfit.BeamBlocks(*map(np.ascontiguousarray, arrays), (0.01, 1.0), 12.5, 7.5)
     footprints = np.stack([star.footprint, star.footprint[::-1]])
     for n_jobs in (1, 2):
-        got = beams.costs(footprints, np.zeros(2), np.full(2, height), n_jobs)
+        got = beams.costs(footprints, np.zeros(2), np.full(2, height), n_jobs=n_jobs)
         np.testing.assert_allclose(got, cost.sum(), rtol=1e-7)
     local = beams.around(star.footprint, 0.0, height)
     assert not len(local.open)
@@ -82,7 +68,8 @@ def test_the_expansion_has_the_slopes_of_the_cost():
     def cost(footprint):
         prism = primfit.Prism(footprint, 0.2)
         depths, _ = primfit.RayCaster(primfit.World([prism])).cast(origins, directions)
-        costs = beams.noise.costs(ranges, np.minimum(depths, background), sigma)
+        nearest = np.minimum(depths, background)
+        costs = beams.model.costs(ranges, nearest, nearest, sigma)
         return costs[is_smooth].sum()
 
     step = 1e-6
@@ -115,35 +102,12 @@ def test_a_local_likelihood_is_the_whole_one(noise):
     assert np.isinf(local.costs(family, crossed)).all()
 
 
-def test_carving_counts_cells_like_a_slow_twin():
-    rng = np.random.default_rng(3)
-    n, cell, (bottom, top) = 300, 0.07, (-0.1, 0.2)
-    origins = rng.uniform(-0.5, 0.5, (n, 3))
-    directions = rng.normal(size=(n, 3))
-    directions[:20, 2] = 0.0
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    certain = rng.uniform(0.0, 1.2, n)
-    shape, low = (20, 25), (-0.7, -0.8)
-    expected = np.zeros((*shape, 2), dtype=int)
-    for origin, direction, end in zip(origins, directions, certain, strict=True):
-        for depth in (np.arange(int(np.ceil(1.0 / cell))) + 0.5) * cell:
-            x, y, z = origin + depth * direction
-            i, j = int(np.floor((x - low[0]) / cell)), int(np.floor((y - low[1]) / cell))
-            if bottom <= z < top and 0 <= i < shape[0] and 0 <= j < shape[1]:
-                expected[i, j] += [1, depth < end]
-    for n_jobs in (1, 2):
-        got = _primfit.carve(
-            origins, directions, certain, 1.0, low, cell, shape, (bottom, top), n_jobs
-        )
-        np.testing.assert_array_equal(got, expected)
-
-
 def climbed_slowly(beams, shape, start, top, steps):
     """Parameters, cost and covariance as `climb` should find them."""
 
     def expanded(parameters):
         corners, changes = shape.frame(parameters)
-        local = beams._core.around(corners, beams.base, top)
+        local = beams._core.around(corners, beams.floor_z, top)
         information = changes.T @ local.information @ changes
         scale = beams.stride
         return scale * local.cost, scale * changes.T @ local.gradient, scale * information
@@ -191,7 +155,7 @@ def test_climbing_reaches_exact_corners_from_a_guess():
     solid = primfit.Prism.rectangle(0.3, 0.2, center=(0.5, 0.5), angle=0.4)
     _, beams = scene_of(solid, 0.0)
     start = np.array([0.51, 0.495, 0.5, 0.33, 0.18])
-    fit = approach(beams, RECTANGLE, start, 0.2, 0.25)
+    fit = coarse_to_fine(beams, RECTANGLE, start, 0.2, 0.25)
     np.testing.assert_allclose(fit.parameters, [0.5, 0.5, 0.4, 0.3, 0.2], atol=1e-6)
 
 
@@ -248,7 +212,9 @@ def test_the_posterior_is_as_wide_as_its_errors(noise):
         truth = np.array([*solid.center[:2], solid.angle, *solid.size])
         fit = climb(beams, RECTANGLE, truth, 0.2)
         top = find_top(beams, solid.footprint)
-        fit, _, _ = settle(beams, fit, top, np.random.default_rng(seed), THOROUGH)
+        fit, _, _ = sample_posterior(
+            beams, fit, top, np.random.default_rng(seed), SAMPLING.thorough
+        )
         off = fit.parameters - truth
         levels.append(chi2.cdf(off @ np.linalg.solve(fit.covariance, off), len(off)))
     # Of 40, 33 or fewer inside would be rarer than one in ten thousand.
@@ -260,11 +226,11 @@ def test_a_kind_that_is_wrong_does_not_flee_from_its_beams():
     """Where any pentagon explains less than nothing would."""
     solid = primfit.Prism.regular(4, 0.2, center=(0.5, 0.5), height=0.2)
     _, beams = scene_of(solid, 0.0)
-    few = beams.some(16)
+    few = beams.subset(16)
     start = np.array([0.5, 0.5, 0.0, 0.12])
     fit = climb(few, REGULAR[5], start, 0.2)
     top = find_top(few, solid.footprint)
-    fit, _, found = settle(few, fit, top, np.random.default_rng(1), QUICK)
+    fit, _, found = sample_posterior(few, fit, top, np.random.default_rng(1), SAMPLING.quick)
     assert np.linalg.norm(fit.parameters[:2] - start[:2]) < 0.5
     assert found.log_evidence < -100.0
 
@@ -311,9 +277,10 @@ def test_a_bare_cloud_is_refused_by_name_and_has_its_own_default(small_scan):
     points = small_scan.points[small_scan.is_return]
     with pytest.raises(ValueError, match="scan must have origins for method='likelihood'"):
         primfit.detect(points, method="likelihood")
-    assert primfit.detect(points, rng=1).method == "planes"
+    # Upright walls whose tops nobody saw: without origins the paper's method tells more of them.
+    assert primfit.detect(points, rng=1).method == "paper"
     from_one_place = primfit.Scan.from_points(points, origins=(0.5, 0.5, 3.0), sigma=0.005)
-    assert primfit.detect(from_one_place, rng=1).method == "planes"
+    assert primfit.choose_method(from_one_place)[0] == "likelihood"
 
 
 def test_a_cloud_stands_for_its_points(small_scan):
@@ -342,13 +309,21 @@ def test_obstacles_have_a_face_for_every_triangle():
 
 @pytest.mark.parametrize(
     ("evidences", "n_corners"),
-    [([-5.0, 0.0, -90.0], 8), ([-50.0, 0.0, -90.0], 9), ([-5.0, 0.0, 1.0], 4)],
+    [([-5.0, 0.0, -900.0], 8), ([-50.0, 0.0, -900.0], 9), ([-5.0, 0.0, 1.0], 4)],
     ids=["as likely", "less likely", "a known kind"],
 )
 def test_of_free_polygons_about_as_likely_the_simplest_wins(evidences, n_corners):
     rivals = [
-        Contender(Fit(shape, np.ones(8), np.eye(8), 0.0), Top(1.0, 0.1), np.ones(8), evidence)
+        Candidate(
+            Fit(shape, np.ones(8), np.eye(8), -evidence),
+            Top(1.0, 0.1),
+            np.ones(8),
+            evidence,
+            evidence,
+            cost=-evidence,
+        )
         for shape, evidence in zip((FreePolygon(8), FreePolygon(9), SQUARE), evidences, strict=True)
     ]
-    shape = _simplest(rivals).fit.shape
+    how = LikelihoodSettings().selection
+    shape = ranked(rivals, how.rival_gain, how)[0].fit.shape
     assert (4 if shape is SQUARE else shape.n_corners) == n_corners

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from primfit.likelihood.evolution import evolve
-from primfit.likelihood.sampling import Effort, sample
+from primfit.likelihood.importance_sampling import sample
+from primfit.likelihood.mcmc import explore
+from primfit.likelihood.settings import Effort, SamplingSettings
 
 
 def test_the_sampler_finds_a_normal_posterior_and_its_evidence():
@@ -43,7 +44,7 @@ def test_chains_explore_a_posterior_of_many_parameters(is_box):
 
     start = root @ rng.normal(size=d) * 0.5
     effort = Effort(n=0, generations=0, wanted=0.0, least=0.0, chained=4800)
-    found = evolve(cost, start, 2.0 * root @ root.T, rng, effort)
+    found = explore(cost, start, 2.0 * root @ root.T, rng, SamplingSettings(), effort)
     assert found.size > 50.0
     assert np.linalg.norm(np.linalg.solve(root, found.mean)) < 0.4 * np.sqrt(d)
     ratio = np.linalg.slogdet(found.covariance)[1] - 2 * np.log(np.diag(root)).sum()

@@ -125,6 +125,6 @@ def test_walls_that_do_not_close_are_shells():
     rng = np.random.default_rng(2)
     points = rng.random((3000, 3))
     points[np.arange(3000), np.arange(3000) % 3] = 0.0
-    found = primfit.detect(points + 0.002 * rng.normal(size=points.shape))
+    found = primfit.detect(points + 0.002 * rng.normal(size=points.shape), "planes")
     assert found.solids == ()
     assert [sorted(shell) for shell in found.shells] == [[0, 1, 2]]

@@ -7,25 +7,28 @@ from primfit.clouds.clustering import dbscan
 from primfit.clouds.depth import points_of_depth
 from primfit.clouds.files import read_cloud, read_points, write_cloud, write_points
 from primfit.clouds.normals import estimate_normals
-from primfit.detection import detect
+from primfit.detection import choose_method, detect
 from primfit.evaluation import Report, evaluate
+from primfit.likelihood.settings import LikelihoodSettings
 from primfit.paper.detection import PaperSettings
 from primfit.planes.detection import detect_planes
 from primfit.planes.plane import Plane, Planes
 from primfit.polyhedra.assembly import find_polyhedra
 from primfit.polyhedra.box_fit import BoxFit, fit_box
 from primfit.polyhedra.found import FoundPolyhedron, Polyhedra
-from primfit.results import Detection, FoundArena, FoundSolid
+from primfit.results import Contradiction, Detection, FoundArena, FoundSolid
 from primfit.scans.casting import RayCaster
 from primfit.scans.lidar import Lidar
 from primfit.scans.scan import Scan
 from primfit.scans.scanning import scan
 from primfit.segmentation import SegmentationReport, evaluate_segmentation
+from primfit.worlds.arena import Arena
+from primfit.worlds.paper_setting import built_of_walls, paper_path, paper_world
 from primfit.worlds.paths import grid_path, waypoints
 from primfit.worlds.polyhedron import Polyhedron
 from primfit.worlds.prism import Prism
 from primfit.worlds.random_worlds import WorldFullError, random_world
-from primfit.worlds.world import Arena, World
+from primfit.worlds.world import World
 
 __version__ = version("primfit")
 
@@ -33,11 +36,13 @@ __all__ = [
     "Arena",
     "BoxFit",
     "Cloud",
+    "Contradiction",
     "Detection",
     "FoundArena",
     "FoundPolyhedron",
     "FoundSolid",
     "Lidar",
+    "LikelihoodSettings",
     "PaperSettings",
     "Plane",
     "Planes",
@@ -50,6 +55,8 @@ __all__ = [
     "SegmentationReport",
     "World",
     "WorldFullError",
+    "built_of_walls",
+    "choose_method",
     "dbscan",
     "detect",
     "detect_planes",
@@ -59,6 +66,8 @@ __all__ = [
     "find_polyhedra",
     "fit_box",
     "grid_path",
+    "paper_path",
+    "paper_world",
     "points_of_depth",
     "random_world",
     "read_cloud",

@@ -31,7 +31,7 @@ class BeamBlocks:
         ranges: NDArray[np.float64],
         background: NDArray[np.float64],
         sigmas: NDArray[np.float64],
-        max_range: float,
+        limits: tuple[float, float],
         outlier: float,
         missing: float,
     ) -> BeamBlocks: ...
@@ -41,7 +41,11 @@ class BeamBlocks:
         footprints: NDArray[np.float64],
         bottoms: NDArray[np.float64],
         tops: NDArray[np.float64],
+        is_open: bool = False,
         n_jobs: int | None = None,
+    ) -> NDArray[np.float64]: ...
+    def prism_ranges(
+        self, footprint: NDArray[np.float64], bottom: float, top: float
     ) -> NDArray[np.float64]: ...
     def wall_depths(self, footprint: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def around(
@@ -52,6 +56,7 @@ class BeamBlocks:
         slack: float = 0.0,
         top_slack: float = 0.0,
         weight: float = 1.0,
+        is_open: bool = False,
     ) -> Local: ...
     def climb(
         self,
@@ -61,6 +66,7 @@ class BeamBlocks:
         top: float,
         weight: float,
         n_steps: int,
+        is_open: bool,
     ) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]: ...
 
 @final
@@ -156,12 +162,13 @@ class PointTree:
 def carve(
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
-    certain: NDArray[np.float64],
-    reach: float,
+    starts: NDArray[np.float64],
+    passed: NDArray[np.float64],
+    ends: NDArray[np.float64],
     low: Sequence[float],
     cell: float,
     shape: Sequence[int],
-    heights: Sequence[float],
+    heights: NDArray[np.float64],
     n_jobs: int | None = None,
 ) -> NDArray[np.uint32]: ...
 def dbscan(points: NDArray[np.float64], eps: float, min_samples: int) -> NDArray[np.int64]: ...

@@ -27,6 +27,10 @@ app = typer.Typer(
 )
 
 Seed = Annotated[int | None, typer.Option("--rng", help="Seed; the same gives the same result.")]
+Kinds = Annotated[
+    list[str] | None,
+    typer.Option("--kind", help="Kind of the random solids, again for more: circle, star, ..."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 
 
@@ -78,13 +82,14 @@ def demo(
     rng: Seed = None,
     noise: Annotated[float, typer.Option(help="Noise, as a fraction of the range of 1 m.")] = 0.0,
     method: Annotated[str, typer.Option(help="likelihood, planes or paper.")] = "likelihood",
+    kind: Kinds = None,
     picture: Annotated[Path, typer.Option(help="Picture to write.")] = Path("demo.png"),
     as_json: AsJson = False,
 ) -> None:
     """Do the paper's job on a random map: print its table and write a picture."""
     _check_folders(picture)
     seed = int(np.random.SeedSequence().generate_state(1)[0]) if rng is None else rng
-    world = primfit.random_world(rng=seed)
+    world = _random_world(kind, seed)
     path = primfit.grid_path(world, rng=seed)
     scan = primfit.scan(world, path, primfit.Lidar(noise=noise), rng=seed)
     found = primfit.detect(scan, method, rng=seed)
@@ -96,6 +101,10 @@ def demo(
         _say(json.dumps({"rng": seed, "report": report.to_dict(), "found": found.to_dict()}))
         return
     _say(f"{world!r}, rng {seed}\n{scan!r}\n\n{report}\n\nThe picture is in {picture}")
+
+
+def _random_world(kinds: list[str] | None, rng: Any) -> primfit.World:
+    return primfit.random_world(kinds=kinds, rng=rng) if kinds else primfit.random_world(rng=rng)
 
 
 @app.command()
@@ -114,13 +123,16 @@ def scan(
     max_range: Annotated[float, typer.Option(help="Longest range, metres.")] = 1.0,
     spacing: Annotated[float, typer.Option(help="Distance between positions, metres.")] = 0.25,
     headings: Annotated[int, typer.Option(help="Headings at each position.")] = 4,
+    kind: Kinds = None,
     rng: Seed = None,
     progress: Annotated[bool, typer.Option(help="Show a bar.")] = True,
 ) -> None:
     """Scan a world from a grid of poses."""
     _check_folders(out, save_world)
+    if world and kind:
+        raise ValueError("--kind is for random worlds, not for that of --world")
     numbers = generator(rng)
-    scene = primfit.World.load(world) if world else primfit.random_world(rng=numbers)
+    scene = primfit.World.load(world) if world else _random_world(kind, numbers)
     lidar = primfit.Lidar(
         number_of_layers=layers, horizontal_resolution=columns, max_range=max_range, noise=noise
     )
@@ -145,8 +157,9 @@ def detect(
     method: Annotated[
         str | None,
         typer.Option(
-            help="likelihood, planes (solids in any position) or paper. Scans of primfit: "
-            "likelihood, or paper if a wish for planes is given; clouds: planes."
+            help="likelihood, planes (solids in any position) or paper; if none is given, what the "
+            "file holds decides: likelihood for scans of primfit, paper for clouds of upright "
+            "walls without tops (likelihood with --origin), planes for other clouds."
         ),
     ] = None,
     orientation: Annotated[
@@ -165,6 +178,13 @@ def detect(
         float | None, typer.Option(help="Greatest distance of a plane's point, metres.")
     ] = None,
     min_points: Annotated[int | None, typer.Option(help="Least points of a plane.")] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            help="By how much solids may be off the shapes that they are called by, metres; 2 % of "
+            "their size if none. For the likelihood."
+        ),
+    ] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (.png).")] = None,
     cloud: Annotated[Path | None, typer.Option(help="Coloured cloud to write (.ply ...).")] = None,
     mesh: Annotated[Path | None, typer.Option(help="Solids to write (.ply .obj .stl).")] = None,
@@ -179,23 +199,25 @@ def detect(
     is_scan = recorded.pose_index is not None
     if is_scan and origin:
         raise ValueError("--origin is for clouds: the scan knows where its beams began")
+    chosen, reason = (method, "asked for") if method else primfit.choose_method(recorded)
     options: dict[str, Any] = {}
-    if method is None:
-        has_wishes = orientation or threshold or min_points
-        method = ("paper" if has_wishes else "likelihood") if is_scan else "planes"
-    if method == "paper":
+    if chosen == "paper":
         options["settings"] = primfit.PaperSettings(
             threshold=threshold, min_points=min_points or 10
         )
-    elif method == "planes":
+    elif chosen == "planes":
         options |= {"threshold": threshold, "min_points": min_points}
     elif threshold is not None or min_points is not None or orientation is not None:
         raise ValueError(
             "--threshold, --min-points and --orientation are wishes for planes, which --method "
-            f"paper and planes take, not {method}"
+            f"paper and planes take, not {chosen} ({reason})"
         )
     if orientation:
         options["orientation"] = orientation
+    if tolerance is not None:
+        if chosen != "likelihood":
+            raise ValueError(f"--tolerance is for --method likelihood, not {chosen} ({reason})")
+        options["tolerance"] = tolerance
     found = primfit.detect(recorded, method, rng=rng, sigma=sigma, **options)
     if not is_scan:
         picture = picture or Path(f"{file.stem}_planes.png")
@@ -208,7 +230,9 @@ def detect(
         return
     _say(f"{recorded!r}" + (f", {n_left_out} rows without a point" if n_left_out else ""))
     _say(f"{found!r}")
-    _say(", ".join([f"method {method}", *(f"{key} {x:.4g}" for key, x in found.settings.items())]))
+    _say(f"method {found.method}: {reason}")
+    numbers = {key: x for key, x in found.settings.items() if not isinstance(x, str | bool)}
+    _say(", ".join(f"{key} {x:.4g}" for key, x in numbers.items()))
     _say(_planes_table(found))
     for solid in found.solids:
         _say(f"{solid!r}")
@@ -273,8 +297,25 @@ def _planes_table(found: primfit.Detection) -> str:
 @_explained
 def reproduce(
     n: Annotated[
-        int, typer.Option("-n", min=1, help="Random maps or solids behind each row.")
+        int, typer.Option("-n", min=1, help="Random worlds behind each row of our reference.")
     ] = 20,
+    n_paper: Annotated[
+        int,
+        typer.Option(min=1, help="The same in the paper's setting, up to 1.9 million beams each."),
+    ] = 3,
+    setting: Annotated[
+        list[str] | None, typer.Option(help="paper or reference; both if none is given.")
+    ] = None,
+    spacing: Annotated[
+        float, typer.Option(help="Distance of positions in the paper's setting, metres.")
+    ] = 0.2,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            envvar="PRIMFIT_DATA",
+            help="Folder whose authors/test_map_1_shapes.csv is the paper's map, for table 6.",
+        ),
+    ] = None,
     rng: Seed = 0,
     paper: Annotated[
         bool, typer.Option(help="Show the paper's method beside ours, repaired and literal.")
@@ -294,13 +335,17 @@ def reproduce(
     as_json: AsJson = False,
     progress: Annotated[bool, typer.Option(help="Show a bar.")] = True,
 ) -> None:
-    """Print every table of the paper, its figures beside ours."""
-    from primfit import reproduction
+    """Print every table of the paper beside ours, in its own setting and in our reference."""
+    from primfit import experiments, reproduction
 
     _check_folders(figure)
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
         tables = reproduction.reproduce(
             n,
+            n_paper=n_paper,
+            settings=setting or experiments.SETTINGS,
+            spacing=spacing,
+            data=data,
             rng=rng,
             paper=paper,
             tables=[number - 1 for number in table] if table else None,
@@ -312,7 +357,7 @@ def reproduce(
     if as_json:
         _say(json.dumps([table.to_dict() for table in tables]))
         return
-    _say(reproduction.PREFACE)
+    _say(reproduction.preface(spacing, data))
     for result in tables:
         _say(f"\n{result}")
 

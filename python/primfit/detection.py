@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from inspect import signature
 from os import PathLike
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit._check import choice
+from primfit.clouds.upright import uprightness
 from primfit.likelihood.detection import detect_likelihood
 from primfit.paper.detection import detect_paper
 from primfit.polyhedra.detection import detect_by_planes
 from primfit.results import Detection
 from primfit.scans.scan import Scan
 
-_METHODS = {"likelihood": detect_likelihood, "planes": detect_by_planes, "paper": detect_paper}
+_METHODS: dict[str, Callable[..., Detection]] = {
+    "likelihood": detect_likelihood,
+    "planes": detect_by_planes,
+    "paper": detect_paper,
+}
 
 
 def detect(
@@ -39,7 +47,7 @@ def detect(
         any shape (see `detect_by_planes`).
         "paper": RANSAC, DBSCAN, intersections and cycles, with repairs (see `detect_paper`): for
         upright solids; where nobody saw their tops, it tells more of them than "planes".
-        None is "likelihood" for a scan with origins and `max_range`, else "planes".
+        None is what `choose_method` says.
     rng : None, int or numpy.random.Generator
         Same `rng`, same result, at any number of threads.
     **options
@@ -48,6 +56,7 @@ def detect(
     Returns
     -------
     Detection
+        Its `method` and `settings["method_reason"]` tell by which method, and why.
 
     Raises
     ------
@@ -64,20 +73,73 @@ def detect(
     >>> primfit.detect(scan, rng=7)
     Detection(1 solid: square; an arena; 8 planes; sigma 0 mm)
     """
+    recorded = _as_scan(scan)
+    if method is None:
+        method, reason = choose_method(recorded)
+    else:
+        choice("method", method, list(_METHODS))
+        reason = "asked for"
+    known = _options(method)
+    for name in options:
+        if name not in known:
+            others = [repr(each) for each in _METHODS if name in _options(each)]
+            hint = f", which {' and '.join(others)} would take" if others else ""
+            raise TypeError(
+                f"options of method={method!r} are {', '.join(known)}; not {name}{hint} "
+                f"(why this method: {reason})"
+            )
+    offset = recorded.far_offset
+    found = _METHODS[method](recorded.moved(-offset), rng, **options).moved(offset, recorded)
+    return replace(found, settings=found.settings | {"method_reason": reason})
+
+
+def choose_method(scan: Scan | ArrayLike) -> tuple[str, str]:
+    """The method that `detect` takes by itself, and why.
+
+    "likelihood" for a scan that knows where its beams began, and either how far the sensor sees
+    or which beams did not return. Of returns alone, what the cloud holds decides: upright walls
+    with nothing level or leaning but a floor are "likelihood" where the origins are known, and
+    "paper" where not, since solids whose tops nobody saw do not close; all others are "planes".
+
+    Parameters
+    ----------
+    scan : Scan, Cloud or (n, 3) float64, metres
+
+    Returns
+    -------
+    method, reason : str
+
+    Examples
+    --------
+    >>> import numpy as np, primfit
+    >>> box = primfit.Polyhedron.box(0.4, 0.3, 0.2, quat_xyzw=(0.2, 0.1, 0, 1))
+    >>> scan = primfit.scan(primfit.World([box]), [(-0.6, 0.0, 0.0), (0.0, 0.7, -1.6)], rng=7)
+    >>> primfit.choose_method(scan)
+    ('likelihood', 'origins and reach of the beams are known')
+    >>> primfit.choose_method(scan.points[scan.is_return])
+    ('planes', 'a cloud not of upright walls alone')
+    """
+    recorded = _as_scan(scan)
+    if recorded.has_origins and recorded.max_range is not None:
+        return "likelihood", "origins and reach of the beams are known"
+    if recorded.has_origins and not recorded.is_return.all():
+        return "likelihood", "origins of the beams are known, and which did not return"
+    points = recorded.points[recorded.is_return]
+    if len(points) and np.isfinite(points).all() and uprightness(points).has_only_walls:
+        if recorded.has_origins:
+            return "likelihood", "upright walls, no tops seen, and origins of the beams are known"
+        return "paper", "a cloud of upright walls, no tops seen"
+    return "planes", "a cloud not of upright walls alone"
+
+
+def _as_scan(scan: Scan | ArrayLike) -> Scan:
     if isinstance(scan, str | PathLike):
         raise TypeError(
             f"scan must be a Scan or points, as Scan.load or read_points read, not {scan!r}"
         )
-    recorded = scan if isinstance(scan, Scan) else Scan.from_points(scan)
-    if method is None:
-        passed_is_known = recorded.has_origins and recorded.max_range is not None
-        method = "likelihood" if passed_is_known else "planes"
-    run = _METHODS[choice("method", method, list(_METHODS))]
-    known = [
-        name for name, each in signature(run).parameters.items() if each.kind == each.KEYWORD_ONLY
-    ]
-    for name in options:
-        if name not in known:
-            raise TypeError(f"options of method={method!r} are {', '.join(known)}; not {name}")
-    offset = recorded.far_offset
-    return run(recorded.moved(-offset), rng, **options).moved(offset, recorded)
+    return scan if isinstance(scan, Scan) else Scan.from_points(scan)
+
+
+def _options(method: str) -> list[str]:
+    parameters = signature(_METHODS[method]).parameters
+    return [name for name, each in parameters.items() if each.kind == each.KEYWORD_ONLY]

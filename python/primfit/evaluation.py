@@ -36,8 +36,9 @@ class Row:
         Distance of the centres; seen from above for upright prisms.
     angle_error_deg : float
         Difference of the angles on the circle, or for solids that are not upright prisms the angle
-        of the turn between them; modulo the true symmetry of the solid. NaN where outlines with
-        different numbers of corners, or faces that meet otherwise, have no angle in common.
+        of the turn between them; modulo the true symmetry of the solid. NaN for a circle, and where
+        outlines with different numbers of corners, or faces that meet otherwise, have no angle in
+        common.
     size_error_mm : float
         Largest difference of the sizes; NaN when the kinds differ.
     solid, detection : int
@@ -186,8 +187,9 @@ def evaluate(found: Detection, world: World, *, max_distance: float = 0.1) -> Re
     )
     spurious = tuple(j for j in range(len(found.solids)) if j not in match.values())
     n_walls = sum(_n_upright_faces(solid) for solid in world.solids)
+    n_walls += 0 if world.arena is None else len(world.arena.outline)
     upright = sum(abs(plane.equation[2]) < 0.5 for plane in found.planes)
-    return Report(rows, spurious, int(upright), n_walls + (4 if world.arena else 0))
+    return Report(rows, spurious, int(upright), n_walls)
 
 
 def _n_upright_faces(solid: Solid) -> int:
@@ -228,6 +230,8 @@ def _angle_error(solid: Solid, other: FoundSolid | FoundPolyhedron) -> float:
             solid = Polyhedron(solid.vertices, solid.faces)
         pose = solid.vertices, solid.faces, solid.symmetry
         return turn_between(*pose, other.vertices, other.faces)
+    if "circle" in (solid.kind, other.kind):
+        return np.nan
     period = symmetry_angle(solid.footprint)
     if other.kind == solid.kind and solid.kind != "polygon":
         turn = other.angle - solid.angle

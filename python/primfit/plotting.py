@@ -92,7 +92,7 @@ def plot_scan(scan: Scan, ax: Axes | None = None) -> Axes:
 
 
 def plot_detection(found: Detection, world: World | None = None, ax: Axes | None = None) -> Axes:
-    """Points coloured by plane, the solids found, and the truth dashed below them."""
+    """Points coloured by plane, solids and arena found, and the truth dashed below them."""
     ax = _from_above(ax, f"found ({found.method})")
     colors = plane_colors(len(found.planes))
     shown = found.scan.is_return
@@ -105,7 +105,9 @@ def plot_detection(found: Detection, world: World | None = None, ax: Axes | None
     x, y, _ = found.scan.points[rows].T
     ax.scatter(x, y, c=color, s=0.3, rasterized=True)
     if world is not None:
-        for outline in (each for solid in world.solids for each in _tops(solid)):
+        truth = [each for solid in world.solids for each in _tops(solid)]
+        truth += [] if world.arena is None else [world.arena.outline]
+        for outline in truth:
             ax.fill(*outline.T, fill=False, edgecolor="0.1", linestyle="--", linewidth=0.8)
     for found_solid in found.solids:
         shade = _color(found_solid.kind)

@@ -1,110 +1,23 @@
-"""Every table of the paper, its figures beside ours."""
+"""Every table of the paper, its figures beside ours: see `experiments` for what is scanned."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
-from primfit._check import generator
+from primfit._check import choice, generator, integer, number
 from primfit.detection import detect
 from primfit.evaluation import Report, evaluate
+from primfit.experiments import MAP_FILE, PREFACE, SETTINGS, TABLES, Case
 from primfit.paper.detection import PaperSettings
 from primfit.plotting import new_figure
-from primfit.scans.lidar import Lidar
-from primfit.scans.scanning import scan
-from primfit.worlds.paths import grid_path
-from primfit.worlds.random_worlds import random_world
-
-PREFACE = """\
-What the paper leaves open, and what stands for it here: arenas of 2 x 2 m for maps, 1 x 1 m for
-single solids, 1.2 m for the star and 1.5 m for the square of 0.5 m, walls 0.3 m high; solids 0.2 m
-high, triangles and squares with sides of 0.18 to 0.32 m, rectangles with a short side of 0.14 to
-0.22 m and a long one 1.8 times that, pentagons with sides of 0.14 to 0.22 m, stars with an outer
-radius of 0.20 to 0.24 m and half of that inside, at random angles. Lidar 0.06 m above the floor,
-8 layers over 0.4 rad, 100 columns over 90 degrees, 1 m: noise 0.05 is a standard deviation of
-50 mm. Poses on a grid of 0.25 m (maps) or 0.125 m (single solids), four headings each.
-"ours" is the likelihood of all ranges, "repaired" the paper's method with its repairs; "literal"
-follows its own rules with an inlier threshold of 3 mm, or of the noise where that is larger, and
-corners within 30 mm of their walls, 60 mm from noise 0.025 up. Errors are median / worst over the
-solids that were found within 100 mm; the angle is taken modulo the true symmetry of the shape."""
-
-_COLUMNS = (100, 50, 25, 16, 8, 4, 2, 1)
-_NOISES = (0.0, 0.01, 0.025, 0.05, 0.06, 0.1, 0.2)
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """One row of a table: what is scanned, and what the paper says of it.
-
-    Attributes
-    ----------
-    name : str
-    paper : str
-        The paper's figures: kind, centre error in mm, angle error in degrees.
-    kinds : tuple of str
-    n_solids : (int, int)
-    size : float, metres
-        Of the arena.
-    sides : (float, float) or None, metres
-        Range of sizes, where it is not the usual one.
-    noise : float
-    columns : int
-    """
-
-    name: str
-    paper: str
-    kinds: tuple[str, ...]
-    n_solids: tuple[int, int] = (1, 1)
-    size: float = 1.0
-    sides: tuple[float, float] | None = None
-    noise: float = 0.0
-    columns: int = 100
-
-
-def _noisy(noise: float, paper: str) -> tuple[Case, ...]:
-    """The paper's square, what it did not try, and a square of the size that it may have had."""
-    others = (
-        Case(kind, "not tried", (kind,), noise=noise)
-        for kind in ("triangle", "rectangle", "pentagon")
-    )
-    large = Case("square of 0.5 m", "size not given", ("square",), (1, 1), 1.5, (0.5, 0.5), noise)
-    return (Case("square", paper, ("square",), noise=noise), *others, large)
-
-
-def _map(noise: float, paper: str) -> Case:
-    kinds = ("triangle", "square", "rectangle", "pentagon")
-    return Case(f"map, noise {noise:g}", paper, kinds, (5, 7), 2.0, noise=noise)
-
-
-TABLES: tuple[tuple[str, tuple[Case, ...]], ...] = (
-    ("Table 1: square", (Case("square", "right, 4.54 mm, 0.94 deg", ("square",)),)),
-    ("Table 2: triangle", (Case("triangle", "right, 10.53 mm, 0.05 deg", ("triangle",)),)),
-    ("Table 3: pentagon", (Case("pentagon", "right, 11.53 mm, 0.26 deg", ("pentagon",)),)),
-    ("Table 4: rectangle", (Case("rectangle", "right, 2.99 mm, 3.86 deg", ("rectangle",)),)),
-    (
-        "Table 5: star",
-        (Case("star", "10 vertices, 42.66 mm, 0.33 deg", ("star",), size=1.2),),
-    ),
-    (
-        "Table 6: map of 5 to 7 solids",
-        (_map(0.0, "all right, 3.29 to 9.35 mm, 0.51 to 2.92 deg, one 58.17 deg"),),
-    ),
-    ("Table 7: noise 0.01", _noisy(0.01, "right, 3.06 mm, 0.21 deg")),
-    ("Table 8: noise 0.025", _noisy(0.025, "right, 7.48 mm, 0.30 deg")),
-    ("Table 9: noise 0.05", _noisy(0.05, "right, 4.67 mm, 0.33 deg, 16 planes for 8")),
-    ("Noise 0.06 (text)", _noisy(0.06, "no centre found")),
-    (
-        "Horizontal resolution (text)",
-        tuple(Case(f"square, {n} columns", "works", ("square",), columns=n) for n in _COLUMNS),
-    ),
-    ("Maps against noise", tuple(_map(noise, "not tried") for noise in _NOISES)),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,8 +106,11 @@ class Table:
             "rows": [
                 {
                     "name": case.name,
+                    "setting": case.setting,
+                    "map_file": case.map_file and str(case.map_file),
                     "paper": case.paper,
                     "noise": case.noise,
+                    "sigma_mm": case.sigma_mm,
                     "columns": case.columns,
                 }
                 | {method: outcome.to_dict() for method, outcome in outcomes.items()}
@@ -205,8 +121,9 @@ class Table:
     def __str__(self) -> str:
         lines = [self.title]
         for case, outcomes in self.rows:
-            lines.append(f"  {case.name}")
-            lines.append(f"    {'paper':8} {case.paper}")
+            lines.append(f"  {case.description}")
+            if case.paper:
+                lines.append(f"    {'paper':8} {case.paper}")
             lines += [f"    {method:8} {outcome}" for method, outcome in outcomes.items()]
         return "\n".join(lines)
 
@@ -214,23 +131,35 @@ class Table:
 def reproduce(
     n: int = 20,
     *,
+    n_paper: int = 3,
+    settings: Sequence[str] = SETTINGS,
+    spacing: float = 0.2,
+    data: Path | None = None,
     rng: Any = None,
     paper: bool = True,
     tables: Iterable[int] | None = None,
     executor: Executor | None = None,
     progress: bool = False,
 ) -> list[Table]:
-    """Run the paper's experiments on random worlds.
+    """Run the paper's experiments, in its own setting and in ours.
 
     Parameters
     ----------
-    n : int
-        Worlds behind each row.
+    n, n_paper : int
+        Worlds behind each row: in our setting, and in the paper's, where each has up to 1.9 million
+        beams. Of the authors' map without noise there is one.
+    settings : sequence of str
+        "paper", "reference" or both.
+    spacing : float, metres
+        Distance of the positions in the paper's setting; the authors have 0.2.
+    data : Path or None
+        Folder whose authors/test_map_1_shapes.csv is the authors' map, for table 6 in their
+        setting; where there is none, that is of random maps too.
     rng : None, int or numpy.random.Generator
     paper : bool
         Run the paper's method beside the likelihood: with its repairs, and by its own rules.
     tables : iterable of int or None
-        Which entries of `TABLES`; None for all.
+        Which entries of `experiments.TABLES`; None for all.
     executor : concurrent.futures.Executor or None
         Where the worlds are worked on; None for here.
     progress : bool
@@ -239,12 +168,31 @@ def reproduce(
     Returns
     -------
     list of Table
+
+    Examples
+    --------
+    >>> from primfit import reproduction
+    >>> table = reproduction.reproduce(1, settings=["reference"], rng=1, paper=False, tables=[0])[0]
+    >>> case, outcomes = table.rows[0]
+    >>> case.name, outcomes["ours"].n_right
+    ('square', 1)
     """
-    chosen = [TABLES[i] for i in (range(len(TABLES)) if tables is None else tables)]
+    n, n_paper = integer("n", n, low=1), integer("n_paper", n_paper, low=1)
+    spacing = number("spacing", spacing, above=0.0)
+    for setting in settings:
+        choice("settings", setting, SETTINGS)
+    map_file = map_in(data)
+    chosen = [
+        (title, [_placed(case, map_file) for case in cases if case.setting in settings])
+        for title, cases in (TABLES[i] for i in (range(len(TABLES)) if tables is None else tables))
+    ]
     cases = [case for _, cases in chosen for case in cases]
-    seeds = generator(rng).integers(2**63, size=(len(cases), n))
+    counts = [_n_worlds(case, n, n_paper) for case in cases]
+    numbers = generator(rng)
     jobs = [
-        (case, int(seed), paper) for case, row in zip(cases, seeds, strict=True) for seed in row
+        (case, int(seed), spacing, paper)
+        for case, count in zip(cases, counts, strict=True)
+        for seed in numbers.integers(2**63, size=count)
     ]
     run = map if executor is None else executor.map
     with tqdm(total=len(jobs), unit="world", disable=not progress) as bar:
@@ -252,9 +200,10 @@ def reproduce(
         for result in run(_run, jobs):
             results.append(result)
             bar.update()
+    in_order = iter(results)
     outcomes = []
-    for k in range(len(cases)):
-        of_case = results[k * n : (k + 1) * n]
+    for count in counts:
+        of_case = list(islice(in_order, count))
         outcomes.append(
             {method: Outcome.of([result[method] for result in of_case]) for method in of_case[0]}
         )
@@ -262,16 +211,43 @@ def reproduce(
     return [Table(title, tuple(next(rows) for _ in cases)) for title, cases in chosen]
 
 
+def map_in(data: Path | None) -> Path | None:
+    """The authors' map in a folder of data, if it is there."""
+    return data / MAP_FILE if data and (data / MAP_FILE).is_file() else None
+
+
+def preface(spacing: float, data: Path | None) -> str:
+    """What the two settings are, and which maps stand for the paper's."""
+    file = map_in(data)
+    where = f"is the authors' own ({file})" if file else "is made of random maps of their kind"
+    return PREFACE.format(
+        spacing=spacing,
+        map=f"Its table 6 {where};\nall else is of random worlds of their kind.",
+    )
+
+
+def _placed(case: Case, map_file: Path | None) -> Case:
+    return replace(case, map_file=map_file) if case.is_the_map else case
+
+
+def _n_worlds(case: Case, n: int, n_paper: int) -> int:
+    if case.map_file and not case.noise:
+        return 1
+    return n_paper if case.setting == "paper" else n
+
+
 def save_against_noise(file: Any, table: Table) -> None:
     """Share of solids found, and their median centre error, against noise, as a picture file."""
     figure = new_figure(11, 4.2)
     found, error = figure.subplots(1, 2)
-    for method in table.rows[0][1]:
-        outcomes = [(case.noise, outcomes[method]) for case, outcomes in table.rows]
-        noise = [1000 * sigma for sigma, _ in outcomes]
-        found.plot(noise, [100 * each.n_right / each.n_solids for _, each in outcomes], "o-")
-        medians = [np.median(each.center_mm) if each.center_mm else np.nan for _, each in outcomes]
-        error.plot(noise, medians, "o-", label=method)
+    for setting, style in zip(SETTINGS, ("s--", "o-"), strict=True):
+        rows = [row for row in table.rows if row[0].setting == setting]
+        for method in rows[0][1] if rows else ():
+            outcomes = [outcomes[method] for _, outcomes in rows]
+            noise = [case.sigma_mm for case, _ in rows]
+            found.plot(noise, [100 * each.n_right / each.n_solids for each in outcomes], style)
+            medians = [np.median(each.center_mm) if each.center_mm else np.nan for each in outcomes]
+            error.plot(noise, medians, style, label=f"{method}, {setting}")
     found.set_ylabel("right kind, right place [%]")
     error.set_ylabel("centre error, median [mm]")
     error.set_yscale("symlog", linthresh=0.01)
@@ -282,25 +258,14 @@ def save_against_noise(file: Any, table: Table) -> None:
     figure.savefig(file, dpi=130)
 
 
-def _run(job: tuple[Case, int, bool]) -> dict[str, tuple[int, Report]]:
-    case, seed, paper = job
+def _run(job: tuple[Case, int, float, bool]) -> dict[str, tuple[int, Report]]:
+    case, seed, spacing, paper = job
     rng = np.random.default_rng(seed)
-    sizes = None if case.sides is None else {case.kinds[0]: case.sides}
-    world = random_world(case.n_solids, case.size, case.kinds, rng, sizes=sizes)
-    spacing = 0.25 if case.n_solids[1] > 1 else 0.125
-    with warnings.catch_warnings():
-        # The paper goes below the resolution that Webots documents; the beams are reported.
-        warnings.simplefilter("ignore", UserWarning)
-        lidar = Lidar(horizontal_resolution=case.columns, noise=case.noise)
-    recorded = scan(world, grid_path(world, spacing, rng=rng), lidar, rng=rng)
+    world, recorded = case.record(rng, spacing)
     methods: dict[str, dict[str, Any]] = {"ours": {"method": "likelihood"}}
     if paper:
-        # Chosen beforehand, not tuned: other values may serve the paper's own rules better.
-        threshold = max(0.003, case.noise)
-        close = 0.03 if case.noise <= 0.01 else 0.06
-        literal = PaperSettings.literal(threshold=threshold, close=close)
         methods["repaired"] = {"method": "paper", "settings": PaperSettings()}
-        methods["literal"] = {"method": "paper", "settings": literal}
+        methods["literal"] = {"method": "paper", "settings": case.literal(spacing)}
     return {
         name: (len(recorded), evaluate(detect(recorded, rng=rng, **how), world))
         for name, how in methods.items()

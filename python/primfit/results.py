@@ -49,6 +49,10 @@ class FoundSolid:
         Which of `faces` returned beams.
     height_sigma : float, metres
         Standard deviation of the height; NaN where no beam tells the height.
+    tolerance_sigma : float, metres
+        Standard deviation of x and y of the center that the shape's own inexactness adds to
+        `covariance`, which is that of the noise alone: walls of a real solid may be off its kind by
+        as much as the tolerance, unless the beams say less.
     """
 
     kind: str
@@ -61,6 +65,7 @@ class FoundSolid:
     planes: tuple[int, ...]
     observed: tuple[bool, ...]
     height_sigma: float = np.nan
+    tolerance_sigma: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "footprint", frozen(np.array(self.footprint)))
@@ -121,6 +126,7 @@ class FoundSolid:
             "height": self.height if np.isfinite(self.height) else None,
             "footprint": self.footprint.tolist(),
             "sigmas": _without_nan(self.sigmas),
+            "tolerance_sigma": self.tolerance_sigma,
             "planes": list(self.planes),
             "observed": list(self.observed),
         }
@@ -144,10 +150,17 @@ class FoundArena:
         Counter-clockwise.
     planes : tuple of int
         The walls among the planes found.
+    observed : tuple of bool
+        Which of the walls, from corner i to the next, returned beams; where none did, the wall is
+        only known not to be nearer. Empty where the method does not tell.
+    height : float, metres
+        Of the walls; NaN where no beam tells.
     """
 
     footprint: Floats
     planes: tuple[int, ...]
+    observed: tuple[bool, ...] = ()
+    height: float = np.nan
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "footprint", frozen(np.array(self.footprint)))
@@ -167,7 +180,51 @@ class FoundArena:
 
     def to_dict(self) -> dict[str, Any]:
         """The arena as plain numbers, for JSON."""
-        return {"footprint": self.footprint.tolist(), "planes": list(self.planes)}
+        return {
+            "footprint": self.footprint.tolist(),
+            "planes": list(self.planes),
+            "observed": list(self.observed),
+            "height": self.height if np.isfinite(self.height) else None,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Contradiction:
+    """A place where something stood for a part of the time only.
+
+    Attributes
+    ----------
+    center : (2,) float64, metres
+    footprint : (m, 2) float64, metres
+        Outline of where beams ended, roughly.
+    pose : int
+        First pose after the change, by the scan's `pose_index`, or else the row.
+    shares : (float, float)
+        Of the beams through its middle, those that ended there before and from then on.
+    """
+
+    center: Floats
+    footprint: Floats
+    pose: int
+    shares: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", frozen(np.array(self.center)))
+        object.__setattr__(self, "footprint", frozen(np.array(self.footprint)))
+
+    def moved(self, offset: Floats) -> Contradiction:
+        """The place moved by a vector (3,), metres."""
+        shift = offset[:2]
+        return replace(self, center=self.center + shift, footprint=self.footprint + shift)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The place as plain numbers, for JSON."""
+        return {
+            "center": self.center.tolist(),
+            "footprint": self.footprint.tolist(),
+            "pose": self.pose,
+            "shares": list(self.shares),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,9 +247,12 @@ class Detection:
     sigma : float, metres
         Standard deviation of the ranges, given or estimated.
     settings : dict
-        What the method used, given or derived; lengths in metres.
+        What the method used, given or derived, lengths in metres; and, as "method_reason", why it
+        was this method.
     shells : tuple of tuple of int
         Planes that meet without closing, and are in no solid; by the method "planes" only.
+    contradictions : tuple of Contradiction
+        Places where something stood for a part of the time only; by the method "likelihood" only.
     """
 
     scan: Scan
@@ -205,6 +265,7 @@ class Detection:
     sigma: float
     settings: dict[str, Any]
     shells: tuple[tuple[int, ...], ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
 
     def moved(self, offset: Floats, scan: Scan) -> Detection:
         """The detection moved by a vector (3,), metres, as that of another scan."""
@@ -215,6 +276,7 @@ class Detection:
             solids=tuple(solid.moved(offset) for solid in self.solids),
             arena=self.arena and self.arena.moved(offset),
             floor=self.floor and self.floor.moved(offset),
+            contradictions=tuple(each.moved(offset) for each in self.contradictions),
         )
 
     def plot(self, *, world: World | None = None, ax: Axes | None = None) -> Axes:
@@ -263,6 +325,7 @@ class Detection:
             "floor": planes.pop(0) if self.floor else None,
             "planes": planes,
             "shells": [list(shell) for shell in self.shells],
+            "contradictions": [each.to_dict() for each in self.contradictions],
         }
 
     def to_json(self, file: str | PathLike[str] | None = None) -> str:

@@ -5,6 +5,8 @@ A footprint is an (m, 2) float64 array, counter-clockwise, not closed, without c
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
@@ -15,6 +17,12 @@ NAMES = {3: "triangle", 4: "square", 5: "pentagon", 6: "hexagon", 7: "heptagon",
 NAMES |= {9: "nonagon", 10: "decagon", 11: "hendecagon", 12: "dodecagon"}
 """Regular polygons by their number of vertices; beyond twelve it is "13-gon" and so on."""
 
+ROUND_VERTICES = 64
+"""Vertices of the polygon that stands for a circle or an ellipse."""
+
+FEWEST_ROUND_VERTICES = 24
+"""A regular polygon with so many vertices is a circle: its sides are within 0.6 % of the radius."""
+
 TOLERANCE = 1e-6
 """Relative difference of sides and angles that still counts as equal: far above rounding."""
 
@@ -24,33 +32,35 @@ def regular_name(n_vertices: int) -> str:
     return NAMES.get(n_vertices, f"{n_vertices}-gon")
 
 
-def clean_footprint(vertices: ArrayLike) -> Floats:
+def clean_footprint(vertices: ArrayLike, name: str = "footprint") -> Floats:
     """Outline as a footprint: checked, counter-clockwise, without collinear vertices.
 
     Parameters
     ----------
     vertices : (m, 2) float64, metres
         Corners in order, in either direction, closed or not.
+    name : str
+        What messages call it.
 
     Raises
     ------
     ValueError
         When it has fewer than three corners, crosses or touches itself, or has no area.
     """
-    outline = as_rows("footprint", vertices, 2)
+    outline = as_rows(name, vertices, 2)
     if len(outline):
         span = np.ptp(outline, axis=0).max()
         rounding = 4.0 * np.finfo(float).eps * np.abs(outline).max()
         step = np.linalg.norm(outline - np.roll(outline, 1, axis=0), axis=1)
         outline = outline[step > 1e-9 * span + rounding]
     if len(outline) < 3:
-        raise ValueError(f"footprint must have at least 3 distinct vertices, not {len(outline)}")
+        raise ValueError(f"{name} must have at least 3 distinct vertices, not {len(outline)}")
     polygon = shapely.Polygon(outline)
     if not polygon.is_valid:
         why = shapely.is_valid_reason(polygon)
-        raise ValueError(f"footprint must be a simple polygon that does not cross itself: {why}")
+        raise ValueError(f"{name} must be a simple polygon that does not cross itself: {why}")
     if polygon.area <= 1e-12 * span**2:
-        raise ValueError("footprint must enclose an area, but its vertices lie on a line")
+        raise ValueError(f"{name} must enclose an area, but its vertices lie on a line")
     if not polygon.exterior.is_ccw:
         outline = outline[::-1]
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
@@ -109,9 +119,14 @@ def symmetry(footprint: Floats, tolerance: float = TOLERANCE) -> tuple[int, int]
 def kind_of(footprint: Floats, tolerance: float = TOLERANCE) -> str:
     """Name of a footprint: "triangle", "square", "rectangle", ..., "star" or "polygon".
 
-    Triangle, square, pentagon and so on are regular; a star has alternating radii.
+    Triangle, square, pentagon and so on are regular; a star has alternating radii. A regular
+    polygon of `FEWEST_ROUND_VERTICES` or more is a "circle", its affine image an "ellipse".
     """
     n = len(footprint)
+    if n >= FEWEST_ROUND_VERTICES:
+        fit = fit_ellipse(footprint)
+        if fit.misfit <= tolerance * fit.long:
+            return "circle" if fit.long - fit.short <= tolerance * fit.long else "ellipse"
     order = symmetry(footprint, tolerance)[1]
     if order == n:
         return regular_name(n)
@@ -124,6 +139,53 @@ def kind_of(footprint: Floats, tolerance: float = TOLERANCE) -> str:
     return "polygon"
 
 
+class EllipseFit(NamedTuple):
+    """An ellipse with the area of the polygon that stands for it.
+
+    Attributes
+    ----------
+    long, short : float, metres
+        Semi-axes.
+    angle : float, radians
+        Of the long axis to +x, from zero up to pi; without meaning for a circle.
+    misfit : float, metres
+        Largest distance of a vertex to that of the polygon that stands for the ellipse.
+    """
+
+    long: float
+    short: float
+    angle: float
+    misfit: float
+
+
+def fit_ellipse(footprint: Floats) -> EllipseFit:
+    """The ellipse whose polygon is nearest to a footprint, by least squares of the vertices.
+
+    The polygon that stands for an ellipse is the affine image of a regular one with as many
+    vertices; as complex numbers its vertices have, besides their mean, only the first harmonic of
+    either sense.
+    """
+    n = len(footprint)
+    local = footprint - footprint.mean(axis=0)
+    z = local[:, 0] + 1j * local[:, 1]
+    harmonics = np.fft.fft(z) / n
+    forward, backward = harmonics[1], harmonics[-1]
+    steps = np.exp(2j * np.pi * np.arange(n) / n)
+    misfit = np.abs(z - forward * steps - backward * steps.conj()).max()
+    shrunk = 1.0 / _round_excess(n)
+    return EllipseFit(
+        long=float(shrunk * (abs(forward) + abs(backward))),
+        short=float(shrunk * abs(abs(forward) - abs(backward))),
+        angle=wrap(float(np.angle(forward) + np.angle(backward)) / 2, np.pi),
+        misfit=float(misfit),
+    )
+
+
+def _round_excess(n: int) -> float:
+    """Radius of a regular polygon's vertices over that of the circle with the same area."""
+    return float(np.sqrt(2 * np.pi / (n * np.sin(2 * np.pi / n))))
+
+
 def _is_mirrored(footprint: Floats, tolerance: float) -> bool:
     """Whether all sides are equally long, as in a star and not in a pinwheel."""
     lengths = np.linalg.norm(sides(footprint), axis=1)
@@ -134,9 +196,14 @@ def angle_of(footprint: Floats, kind: str | None = None, tolerance: float = TOLE
     """Angle of a footprint, radians, from zero up to its symmetry (see `symmetry_angle`).
 
     Zero when the lowest side lies along +x; for a rectangle a long side, for a star when a tip
-    points to +y, for other polygons the first side of `symmetry`.
+    points to +y, for an ellipse when the long axis lies along +x, for other polygons the first side
+    of `symmetry`. A circle has none, which is zero.
     """
     kind = kind or kind_of(footprint)
+    if kind == "circle":
+        return 0.0
+    if kind == "ellipse":
+        return fit_ellipse(footprint).angle
     first, order = symmetry(footprint, tolerance)
     if kind == "star":
         arms = footprint - footprint.mean(axis=0)
@@ -155,7 +222,9 @@ def wrap(angle: float, period: float) -> float:
 
 
 def symmetry_angle(footprint: Floats) -> float:
-    """The smallest turn, radians, that lays the footprint onto itself."""
+    """The smallest turn, radians, that lays the footprint onto itself; zero for a circle."""
+    if kind_of(footprint) == "circle":
+        return 0.0
     return 2 * np.pi / symmetry(footprint)[1]
 
 
@@ -163,9 +232,13 @@ def size_of(footprint: Floats, kind: str | None = None) -> float | tuple[float, 
     """Size of a footprint, metres.
 
     The side of a regular polygon, (long, short) side of a rectangle, (outer, inner) radius of a
-    star, and for other polygons (long, short) side of the smallest rectangle around it.
+    star, radius of a circle, (long, short) semi-axis of an ellipse, and for other polygons (long,
+    short) side of the smallest rectangle around it.
     """
     kind = kind or kind_of(footprint)
+    if kind in ("circle", "ellipse"):
+        fit = fit_ellipse(footprint)
+        return float(np.sqrt(fit.long * fit.short)) if kind == "circle" else fit[:2]
     footprint = footprint - footprint[0]
     if kind == "star":
         radii = np.linalg.norm(footprint - footprint.mean(axis=0), axis=1)
@@ -194,6 +267,13 @@ def star_footprint(n: int, outer: float, inner: float, center: Floats, angle: fl
     """Vertices (2n, 2) of a star with n tips."""
     radii = np.tile([outer, inner], n)
     return _place(radii * np.exp(1j * (np.pi / 2 + np.pi * np.arange(2 * n) / n)), center, angle)
+
+
+def ellipse_footprint(long: float, short: float, center: Floats, angle: float) -> Floats:
+    """Vertices (`ROUND_VERTICES`, 2) of the polygon that stands for an ellipse of its area."""
+    bearings = 2 * np.pi * np.arange(ROUND_VERTICES) / ROUND_VERTICES
+    outline = long * np.cos(bearings) + 1j * short * np.sin(bearings)
+    return _place(_round_excess(ROUND_VERTICES) * outline, center, angle)
 
 
 def _place(local: np.ndarray, center: Floats, angle: float) -> Floats:

@@ -1,1 +1,1 @@
-"""Solids by the likelihood of all ranges: seeds, competing kinds, repair, uncertainty."""
+"""Solids by the likelihood of all ranges: free space, competing kinds, refinement, uncertainty."""

@@ -1,9 +1,9 @@
 """Detection by the likelihood of all ranges.
 
 A beam meets the nearest surface of the scene; its measured range is that range with Gaussian noise
-along the beam, and a beam whose true range is beyond the sensor's comes back empty. So every beam
-speaks: those that ended on a solid by their range, those that passed or were stopped by their
-silhouette. A few of any kind may be outliers; their cost is capped.
+along the beam, and a beam whose true range is outside the sensor's limits comes back empty. So
+every beam speaks: those that ended on a solid by their range, those that passed or were stopped by
+their silhouette. A few of any kind may be outliers; their cost is capped.
 """
 
 from __future__ import annotations
@@ -12,40 +12,25 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
-from primfit._check import generator, n_jobs_or_none
+from primfit._check import generator, n_jobs_or_none, number
+from primfit._progress import Progress, reporting
 from primfit.clouds.noise import estimate_range_sigma
-from primfit.likelihood.beams import LEAST_SIGMA, Noise
-from primfit.likelihood.carving import Seed, carve
-from primfit.likelihood.competition import SOME, Body, compete, compete_finely, sketch, weigh
-from primfit.likelihood.description import describe
-from primfit.likelihood.fitting import Fit
-from primfit.likelihood.repair import LEAST_GAIN, MISFIT, gain, repair
-from primfit.likelihood.scene import Obstacle, Scene
-from primfit.likelihood.surroundings import find_room, measure_noise, survey
-from primfit.planes.scan_planes import Progress, check_enough, find_floor, noisy_points
+from primfit.likelihood.consistency import find_contradictions
+from primfit.likelihood.environment import (
+    find_room,
+    initial_scene,
+    measure_noise,
+    refine_environment,
+)
+from primfit.likelihood.hypotheses import Hypothesis
+from primfit.likelihood.model_selection import fit_regions, sample_candidates
+from primfit.likelihood.refinement import finish, merge_overlapping, prune, refine
+from primfit.likelihood.report import to_detection
+from primfit.likelihood.settings import LikelihoodSettings
+from primfit.likelihood.space_carving import carve, with_room
 from primfit.results import Detection
 from primfit.scans.scan import Scan, as_sigma
-
-_FLOOR_POINTS = 15_000
-"""Returns that tell the floor roughly."""
-
-_LAYERS = ((0.3, 1.7), (0.1, 0.4))
-"""Heights between which space is carved, as multiples of the sensor's: first where most beams are,
-then low, for solids that they pass over."""
-
-_SLIVER = 0.4
-"""Size of a seed, as a multiple of the noise, below which it is a sliver that noise left."""
-
-_MISSED = 3.0 * MISFIT
-"""Misfit where a solid is missing, while its neighbours are known roughly: theirs is less."""
-
-_WEAK = 250.0
-"""Log-likelihood that a body gains by some of the beams below which all of them are asked."""
-
-_BLURRED = 0.5
-"""Noise, as a multiple of the sensor's height, beyond which the floor hides low solids."""
 
 
 def detect_likelihood(
@@ -53,17 +38,20 @@ def detect_likelihood(
     rng: Any = None,
     *,
     sigma: Any = None,
+    tolerance: float | None = None,
+    settings: LikelihoodSettings | None = None,
     n_jobs: int | None = None,
     progress: Progress = False,
 ) -> Detection:
     """Planes and solids by the likelihood of all ranges.
 
-    Space that beams passed is carved away; each piece that is left is the seed of a solid. Around
-    a seed, regular polygons, rectangle and stars compete by the evidence for each, fitted to the
-    ranges by Gauss-Newton steps and then sampled by the exact likelihood of the beams that end on
-    it, pass it, or pass over it. Where none of them explains the beams, the seed is cut in two,
-    and free polygons are tried. A rectangular room around all is found the same way. The page
-    on the likelihood in the documentation derives the model.
+    Space that beams passed is carved away; each piece that is left is the region of a solid.
+    Around a region, regular polygons, rectangle, stars, circle and ellipse compete by the evidence
+    for each, fitted to the ranges by Gauss-Newton steps and then sampled by the exact likelihood of
+    the beams that end on it, pass it, or pass over it. Where none of them explains the beams, the
+    region is cut in two, and free polygons are tried. The walls of a room around all, a rectangle
+    or another polygon, are found the same way. The page on the likelihood in the documentation
+    derives the model.
 
     Parameters
     ----------
@@ -73,10 +61,16 @@ def detect_likelihood(
         Same `rng`, same result, at any number of threads.
     sigma : float, (n,) or None, metres
         Noise; None takes the scan's, or else is estimated.
+    tolerance : float or None, metres
+        By how much the walls of a real solid may be off the shape that it is called by: the
+        simplest shape within it wins. None is 2 % of its size, the square root of the area of its
+        footprint.
+    settings : LikelihoodSettings or None
+        All other numbers that the method depends on.
     n_jobs : int or None
         Threads; None for all.
     progress : bool or callable
-        True shows a bar; a callable gets the number of solids done and in all.
+        True shows a bar; a callable gets the number of stages done and in all.
 
     Returns
     -------
@@ -97,103 +91,62 @@ def detect_likelihood(
     >>> primfit.detect(scan, method="likelihood", rng=7)
     Detection(1 solid: square; an arena; 8 planes; sigma 50 mm)
     """
+    _check(scan)
+    how = LikelihoodSettings() if settings is None else settings
+    if tolerance is not None:
+        how = replace(how, tolerance=number("tolerance", tolerance, low=0.0))
+    rng = generator(rng)
+    given = scan.sigma if sigma is None else as_sigma(sigma, len(scan))
+    spread = estimate_range_sigma(scan, rng) if given is None else given
+
+    with reporting(progress, 10, "stage") as tell:
+        scene, has_floor = initial_scene(scan, np.asarray(spread), how, n_jobs_or_none(n_jobs))
+        tell(1)
+        space = carve(scene)
+        scene = replace(scene, room=find_room(scene, space))
+        stride = how.selection.stride
+        dropouts = measure_noise(scene, False, stride).dropouts
+        scene = replace(scene, model=replace(scene.model, dropouts=dropouts))
+        space = with_room(space, scene)
+        tell(2)
+        walls = None if scene.room is None else scene.room.fit.footprint
+        scene = scene.with_solids([Hypothesis(region) for region in space.regions(walls)])
+        scene = fit_regions(scene)
+        tell(3)
+        missed = how.refinement.missed_factor * how.refinement.misfit
+        scene = prune(scene, missed)
+        around = {"has_floor": has_floor, "measure_sigma": given is None, "rng": rng}
+        scene, floor_sigma = refine_environment(scene, **around, stride=stride)
+        scene = prune(scene, missed)
+        tell(4)
+        scene = sample_candidates(scene, rng)
+        tell(5)
+        scene = merge_overlapping(scene, rng)
+        tell(6)
+        scene = refine(scene, rng)
+        tell(7)
+        scene = prune(scene)
+        scene, floor_sigma = refine_environment(scene, **around, stride=1)
+        tell(8)
+        scene = finish(scene, rng)
+        tell(9)
+        scene = prune(scene)
+        used = scene.model.sigma if given is None else spread
+        scene, contradictions = find_contradictions(scene, space)
+        sigma = float(np.median(used))
+        detection = to_detection(scene, floor_sigma, sigma, tuple(contradictions))
+        tell(10)
+    return detection
+
+
+def _check(scan: Scan) -> None:
     if not scan.has_origins:
         raise ValueError(
             "scan must have origins for method='likelihood', which asks where beams passed; give "
             "them to Scan.from_points, or use method='planes' for a bare cloud"
         )
-    rng = generator(rng)
-    threads = n_jobs_or_none(n_jobs)
-    rows = np.flatnonzero(scan.is_return)
-    check_enough(len(rows))
-
-    # Noise and floor, roughly.
-    given = scan.sigma if sigma is None else as_sigma(sigma, len(scan))
-    spread = estimate_range_sigma(scan, rng) if given is None else given
-    reach = float(scan.ranges[rows].max()) if scan.max_range is None else scan.max_range
-    sigmas = np.maximum(np.broadcast_to(spread, len(scan)), LEAST_SIGMA * reach)
-    some = rows[:: max(1, len(rows) // _FLOOR_POINTS)]
-    floor = find_floor(noisy_points(scan, some, sigmas, rng)[0], some, rng)
-    base = 0.0 if floor is None else -float(floor.equation[3] / floor.equation[2])
-    scene = Scene(scan, Noise(sigma=sigmas, reach=reach), base, threads)
-
-    # Seeds: what is left of the space around the sensor, within the room.
-    mount = scene.middle - base
-    layers = [(base + low * mount, base + high * mount) for low, high in _LAYERS]
-    if scene.noise.typical_sigma > _BLURRED * mount:
-        layers.pop()
-    room: Fit | None = None
-    seeds: list[Seed] = []
-    for number, (bottom, top) in enumerate(layers):
-        carving = carve(scan, sigmas, bottom=bottom, top=top, reach=reach, n_jobs=threads)
-        centers = carving.centers()
-        if number == 0:
-            room = find_room(scene, centers[carving.is_free])
-            scene.room = None if room is None else Obstacle(room.footprint, scene.ceiling)
-            scene.noise = replace(scene.noise, lost=measure_noise(scene, False, SOME).lost)
-        carving = replace(carving, lost=scene.noise.lost)
-        within = carving.inside(None if room is None else room.footprint) & ~carving.covered(seeds)
-        seeds += [
-            seed
-            for seed in carving.seeds(within)
-            if seed.area > (_SLIVER * scene.noise.typical_sigma) ** 2 and seed.radius < reach / 2
-        ]
-
-    # Bodies: the best kind for each seed, while the others stand as they are known by then.
-    bodies: list[Body] = []
-    scene.obstacles = [Obstacle(seed.hull, scene.middle + mount) for seed in seeds]
-    with tqdm(total=2 * len(seeds), unit="fit", disable=progress is not True) as bar:
-
-        def done(n_done: int, n_all: int) -> None:
-            bar.total = n_all
-            bar.update(n_done - bar.n)
-            if callable(progress):
-                progress(n_done, n_all)
-
-        for i, seed in enumerate(seeds):
-            bodies.append(sketch(scene, i, seed))
-            scene.obstacles[i] = bodies[i].obstacle
-            done(i + 1, 2 * len(seeds))
-        for i, body in enumerate(bodies):
-            # Again, since the neighbours were no more than seeds themselves.
-            bodies[i] = compete(scene, i, body)
-            scene.obstacles[i] = bodies[i].obstacle
-        _drop_needless(scene, bodies, _MISSED)
-
-        # Room, floor and noise by all beams; then each body among neighbours that are known.
-        room, base_sigma = survey(scene, room, floor is not None, given is None, rng)
-        _drop_needless(scene, bodies, _MISSED)
-        compete_finely(scene, bodies, 0, rng)
-        repair(scene, bodies, carving.cell, rng)
-        _drop_needless(scene, bodies)
-        room, base_sigma = survey(scene, room, floor is not None, given is None, rng, again=True)
-        for i in range(len(bodies)):
-            bodies[i] = weigh(scene, i, bodies[i], rng)
-            scene.obstacles[i] = bodies[i].obstacle
-            done(len(bodies) + i + 1, 2 * len(bodies))
-    _drop_needless(scene, bodies)
-    used_sigma = scene.noise.sigma if given is None else spread
-    return describe(scene, bodies, room, base_sigma, float(np.median(used_sigma)))
-
-
-def _drop_needless(scene: Scene, bodies: list[Body], misfit: float = np.inf) -> None:
-    """Take out, one by one, the body without which the scene explains the beams as well.
-
-    A body stays if the scene without it has more than a misfit: it may be wrong, but not needless.
-    """
-    needed: list[Body] = []
-    while len(needed) < len(bodies):
-        gains = scene.gains()
-        gains[[any(body is each for each in needed) for body in bodies]] = np.inf
-        i = int(np.argmin(gains))
-        if gains[i] > _WEAK:
-            return
-        if gain(scene, bodies, i) > LEAST_GAIN:
-            needed.append(bodies[i])
-            continue
-        obstacle = scene.obstacles.pop(i)
-        if scene.misfit(obstacle.center, 1.3 * obstacle.radius) < misfit:
-            del bodies[i]
-        else:
-            scene.obstacles.insert(i, obstacle)
-            needed.append(bodies[i])
+    n_returns = int(scan.is_return.sum())
+    if n_returns < 3:
+        raise ValueError(
+            f"points must hold at least 3 returns, since a plane needs as many, not {n_returns}"
+        )

@@ -1,7 +1,7 @@
 """Fitting one solid to the beams around it: from a guess to a posterior.
 
 `climb` follows the smooth part of the likelihood uphill with the top of the solid where `find_top`
-saw it; `settle` samples all of the likelihood, for shape and top together.
+saw it; `sample_posterior` samples all of the likelihood, for shape and top together.
 """
 
 from __future__ import annotations
@@ -12,35 +12,17 @@ from functools import partial
 import numpy as np
 
 from primfit._check import Floats
-from primfit.likelihood.beams import Beams
-from primfit.likelihood.evolution import evolve
-from primfit.likelihood.sampling import FEW, Effort, Posterior, sample
-from primfit.likelihood.templates import Shape
+from primfit.likelihood.beam_model import Beams
+from primfit.likelihood.footprint_models import FootprintModel
+from primfit.likelihood.importance_sampling import Posterior, sample
+from primfit.likelihood.mcmc import explore
+from primfit.likelihood.settings import Effort
 
-_BLUR = 0.05
-"""Standard deviation, as a fraction of a solid's size, with which it is sought at first."""
+_TOP_BEAMS = 20_000
+"""Beams that tell the top, before it is sampled with the footprint."""
 
-_SHARPENING = 3.0
-"""By how much the standard deviation falls from one climb to the next."""
-
-_MARGIN, _ROOM = 6.0, 4.5
-"""Standard deviations of the corners: those that a local likelihood admits at first, and those
-that the posterior must find admitted."""
-
-_RISE = 0.2
-"""Steepest beams that pass over a solid, as a rule."""
-
-_WIDEST = 0.25
-"""Most that corners may move in one round, as a fraction of the extent."""
-
-_CAST = 2000
-"""Beams that are so few that all of them are cast for each draw."""
-
-_ROUNDS = 3
-"""Regions that are tried."""
-
-_UNKNOWN = 3.0
-"""Log-likelihood by which a finite height must beat an endless one to be known."""
+_FLATTEST = 0.1
+"""Short over long axis below which an ellipse is not told from a wall."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +31,14 @@ class Fit:
 
     Attributes
     ----------
-    shape : Shape
+    shape : FootprintModel
     parameters : (d,) float64
     covariance : (d, d) float64
         Inverse of the Fisher information of the ranges.
     cost : float
     """
 
-    shape: Shape
+    shape: FootprintModel
     parameters: Floats
     covariance: Floats
     cost: float
@@ -74,6 +56,13 @@ class Fit:
         return float(np.sqrt(variances.reshape(-1, 2).sum(axis=1).max()))
 
 
+def is_sliver(fit: Fit) -> bool:
+    """Whether a fit is an ellipse that is no more than one wall."""
+    return fit.shape.kind == "ellipse" and bool(
+        fit.parameters[3:5].min() < _FLATTEST * fit.parameters[3:5].max()
+    )
+
+
 @dataclass(frozen=True)
 class Top:
     """z of the top of a solid, as its beams tell it.
@@ -88,22 +77,28 @@ class Top:
     sigma: float
 
 
-def climb(beams: Beams, shape: Shape, start: Floats, top: float, *, steps: int = 12) -> Fit:
+def climb(
+    beams: Beams, shape: FootprintModel, start: Floats, top: float, *, steps: int = 12
+) -> Fit:
     """Damped Gauss-Newton steps to the least cost, with the beams associated anew at each."""
     parameters, cost, covariance = beams.climb(shape.family, start, top, steps)
     return Fit(shape, parameters, covariance, cost)
 
 
-def approach(beams: Beams, shape: Shape, start: Floats, top: float, size: float) -> Fit:
+def coarse_to_fine(
+    beams: Beams, shape: FootprintModel, start: Floats, top: float, size: float
+) -> Fit:
     """Climb from a guess that is off by a few percent of the size, metres.
 
     Beams are taken as less exact than they are at first, lest those that are far from the guess
     count as outliers.
     """
-    parameters, blur = start, _BLUR * size
-    while blur > beams.noise.typical_sigma:
+    how = beams.settings.fitting
+    parameters, blur = start, how.blur * size
+    sharpest = float(np.median(beams.arrays[4])) if len(beams) else np.inf
+    while blur > sharpest:
         parameters = climb(beams.thinned(4, blur), shape, parameters, top, steps=6).parameters
-        blur /= _SHARPENING
+        blur /= how.sharpening
     return climb(beams, shape, parameters, top)
 
 
@@ -113,24 +108,27 @@ def find_top(beams: Beams, footprint: Floats) -> Top:
     Each of them either ends on the wall or passes over it, so the likelihood is constant between
     the heights at which they cross.
     """
+    beams = beams.thinned(-(-len(beams) // (beams.stride * _TOP_BEAMS)) or 1, 0.0)
     origins, directions, ranges, background, sigma = beams.arrays
-    sensor = float(origins[:, 2].max(initial=beams.base))
+    sensor = float(origins[:, 2].max(initial=beams.floor_z))
     depths = beams.wall_depths(footprint)
     crossing = np.flatnonzero(depths < background)
     z = origins[crossing, 2] + depths[crossing] * directions[crossing, 2]
     order = np.argsort(z, kind="stable")
-    crossing = crossing[order[z[order] > beams.base]]
-    heights = np.concatenate([[beams.base], np.sort(z[z > beams.base])])
+    crossing = crossing[order[z[order] > beams.floor_z]]
+    heights = np.concatenate([[beams.floor_z], np.sort(z[z > beams.floor_z])])
     if len(heights) < 2:
         return Top(sensor, np.nan)
     cost = [
-        beams.noise.costs(ranges[crossing], expected[crossing], sigma[crossing])
-        for expected in (depths, background)
+        beams.model.costs(ranges[crossing], each[crossing], each[crossing], sigma[crossing])
+        for each in (depths, background)
     ]
     costs = beams.stride * np.concatenate([[0.0], np.cumsum(cost[0] - cost[1])])
-    if costs[-1] - costs.min() < _UNKNOWN:
-        return Top(max(float(heights[-1]), sensor) + 1e-3 * beams.noise.reach, np.nan)
+    if costs[-1] - costs.min() < beams.settings.fitting.known_height:
+        return Top(max(float(heights[-1]), sensor) + 1e-3 * beams.model.max_range, np.nan)
     widths = np.diff(heights)
+    # Beams that cross at one height leave nothing between them.
+    widths = np.maximum(widths, np.finfo(float).eps * max(abs(heights[-1]), 1e-3))
     weights = widths * np.exp(costs.min() - costs[:-1])
     weights /= weights.sum()
     middles = heights[:-1] + widths / 2
@@ -143,7 +141,7 @@ def find_top(beams: Beams, footprint: Floats) -> Top:
 
 def _search_top(beams: Beams, footprint: Floats, highest: float) -> Top:
     """z of a top below the sensor, on which beams end too."""
-    low, high = beams.base, highest
+    low, high = beams.floor_z, highest
     while True:
         tops = np.linspace(low, high, 65)[1:-1]
         costs = beams.costs(np.broadcast_to(footprint, (len(tops), *footprint.shape)), tops)
@@ -151,12 +149,12 @@ def _search_top(beams: Beams, footprint: Floats, highest: float) -> Top:
         weights /= weights.sum()
         z, step = float(weights @ tops), float(tops[1] - tops[0])
         sigma = float(np.sqrt(weights @ (tops - z) ** 2))
-        if sigma > 2.0 * step or high - low < 1e-6 * beams.noise.reach:
+        if sigma > 2.0 * step or high - low < 1e-6 * beams.model.max_range:
             return Top(z, max(sigma, step))
-        low, high = max(z - 8.0 * step, beams.base), min(z + 8.0 * step, highest)
+        low, high = max(z - 8.0 * step, beams.floor_z), min(z + 8.0 * step, highest)
 
 
-def settle(
+def sample_posterior(
     beams: Beams,
     fit: Fit,
     top: Top,
@@ -176,6 +174,7 @@ def settle(
     posterior : Posterior
         Of the shape's parameters and the top, where that is known.
     """
+    how = beams.settings.fitting
     shape, d = fit.shape, fit.shape.n_parameters
     is_known = np.isfinite(top.sigma)
 
@@ -183,27 +182,33 @@ def settle(
     if is_known:
         # Where beams rise, the height at which they meet a wall changes with the wall.
         mean, covariance = np.append(mean, top.z), np.pad(covariance, (0, 1))
-        covariance[d, d] = top.sigma**2 + (_RISE * fit.corner_sigma) ** 2
+        covariance[d, d] = top.sigma**2 + (how.steepness * fit.corner_sigma) ** 2
     extent = float(np.ptp(fit.footprint, axis=0).max())
-    for _ in range(_ROUNDS):
-        slack = min(_MARGIN * fit.corner_sigma, _WIDEST * extent)
-        top_slack = _MARGIN * float(np.sqrt(covariance[d, d])) if is_known else 0.0
-        top_slack = min(top_slack, _WIDEST * extent)
-        if len(beams) <= _CAST:
+    for _ in range(how.rounds):
+        slack = min(how.margin_sigmas * fit.corner_sigma, how.widest * extent)
+        top_slack = how.margin_sigmas * float(np.sqrt(covariance[d, d])) if is_known else 0.0
+        top_slack = min(top_slack, how.widest * extent)
+        if len(beams) <= how.few_beams:
             slack = top_slack = extent
         here, z = fit.footprint, top.z
         local = beams.around(here, z, slack, top_slack)
-        explore = sample if len(mean) <= FEW else evolve
         cost = partial(local.costs, shape.family, n_jobs=beams.n_jobs)
-        found = explore(cost, mean, covariance, rng, effort)
-        is_proper = shape.is_proper(found.mean[None])[0]
-        mean, covariance = found.mean if is_proper else found.best, found.covariance
+        if len(mean) <= beams.settings.sampling.few_parameters:
+            found = sample(cost, mean, covariance, rng, effort)
+        else:
+            found = explore(cost, mean, covariance, rng, beams.settings.sampling, effort)
+        if found.size >= 2 * len(mean):
+            is_proper = shape.is_proper(found.mean[None])[0]
+            mean, covariance = found.mean if is_proper else found.best, found.covariance
+        else:
+            # A handful of draws tells where the posterior is, but not how wide.
+            mean = found.best
         fit = Fit(shape, mean[:d], covariance[:d, :d], found.cost)
         away = float(np.linalg.norm(fit.footprint - here, axis=1).max())
-        is_inside = away + _ROOM * fit.corner_sigma <= slack
+        is_inside = away + how.room_sigmas * fit.corner_sigma <= slack
         if is_known:
             top = Top(float(mean[d]), float(np.sqrt(covariance[d, d])))
-            is_inside &= abs(top.z - z) + _ROOM * top.sigma <= top_slack
+            is_inside &= abs(top.z - z) + how.room_sigmas * top.sigma <= top_slack
         if found.cost > worst or (found.size >= effort.least and is_inside):
             break
     return fit, top, found

@@ -9,18 +9,9 @@ import shapely
 
 from primfit._check import Floats
 from primfit.geometry.footprints import signed_area
-from primfit.likelihood.beams import Beams
-from primfit.likelihood.fitting import Fit, approach, climb
-from primfit.likelihood.templates import FreePolygon, without_flattest
-
-_BULGE = 0.1
-"""How far a new corner is tried from the middle of its edge, as a fraction of the edge."""
-
-_MOVES = 60
-"""Most changes of the number of corners that are tried."""
-
-_TOLERANCES = (0.06, 0.12)
-"""By how much an outline to start from may be off, as a fraction of the size."""
+from primfit.likelihood.beam_model import Beams
+from primfit.likelihood.fitting import Fit, climb, coarse_to_fine
+from primfit.likelihood.footprint_models import FreePolygon, without_flattest
 
 
 def fit_polygon(beams: Beams, outlines: list[Floats], top: float, size: float) -> Fit | None:
@@ -43,7 +34,8 @@ def fit_polygon(beams: Beams, outlines: list[Floats], top: float, size: float) -
     fit : Fit or None
         None when no outline is a polygon.
     """
-    some = beams.thinned(8, 0.0)
+    how = beams.settings.polygons
+    some = beams.thinned(how.stride, 0.0)
     price = 0.5 * np.log(max(len(beams), 2))
 
     def score(fit: Fit) -> float:
@@ -51,21 +43,21 @@ def fit_polygon(beams: Beams, outlines: list[Floats], top: float, size: float) -
 
     def fitted(outline: Floats) -> Fit:
         shape = FreePolygon(len(outline))
-        return approach(some, shape, outline.ravel(), top, size)
+        return coarse_to_fine(some, shape, outline.ravel(), top, size)
 
     starts = [
         simple
         for outline in outlines
-        for tolerance in _TOLERANCES
+        for tolerance in how.simplifications
         if (simple := _simplified(outline, tolerance * size)) is not None
     ]
     if not starts:
         return None
     best = min((fitted(start) for start in starts), key=score)
     tried, improved = 0, True
-    while improved and tried < _MOVES:
+    while improved and tried < how.most_moves:
         improved = False
-        for outline in _changed(best.footprint):
+        for outline in _changed(best.footprint, how.bulge):
             tried += 1
             shape = FreePolygon(len(outline))
             if not shape.is_proper(outline.reshape(1, -1))[0]:
@@ -75,12 +67,12 @@ def fit_polygon(beams: Beams, outlines: list[Floats], top: float, size: float) -
                 best, improved = fit, True
                 break
     fits = [climb(beams, best.shape, best.parameters, top)]
-    while (simpler := without_flattest(fits[-1].footprint)) is not None:
+    while (simpler := without_flattest(fits[-1].footprint, beams.settings.models.flat)) is not None:
         fits.append(climb(beams, FreePolygon(len(simpler)), simpler.ravel(), top))
     return min(fits, key=score)
 
 
-def _changed(footprint: Floats) -> Iterator[Floats]:
+def _changed(footprint: Floats, bulge: float) -> Iterator[Floats]:
     """A polygon without each of its corners, and with one more in each of its edges."""
     m = len(footprint)
     if m > 3:
@@ -89,8 +81,8 @@ def _changed(footprint: Floats) -> Iterator[Floats]:
     for k in range(m):
         a, b = footprint[k], footprint[(k + 1) % m]
         out = np.array([b[1] - a[1], a[0] - b[0]])
-        for bulge in (_BULGE, -_BULGE):
-            yield np.insert(footprint, k + 1, (a + b) / 2 + bulge * out, axis=0)
+        for out_by in (bulge, -bulge):
+            yield np.insert(footprint, k + 1, (a + b) / 2 + out_by * out, axis=0)
 
 
 def _simplified(outline: Floats, tolerance: float) -> Floats | None:

@@ -14,7 +14,8 @@ import shapely
 
 from primfit._check import generator, instance, integer, n_jobs_or_none, number
 from primfit.geometry.footprints import signed_area
-from primfit.paper.classification import Outline, classify, classify_by_sides
+from primfit.geometry.outlines import Outline
+from primfit.paper.classification import classify, classify_by_sides
 from primfit.paper.topology import (
     Wall,
     chain_walls,

@@ -43,7 +43,7 @@ def scan(
         Planar poses of the robot (x, y in metres, yaw in radians), to which the lidar's mount is
         added, or rigid transforms ``T_world_sensor``.
     lidar : Lidar or None
-        None for the paper's.
+        None for `Lidar()`.
     rng : None, int or numpy.random.Generator
         Same `rng`, same scan, at any number of threads.
     n_jobs : int or None
@@ -140,8 +140,7 @@ def _as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, bool]:
 def _is_valid(world: World, positions: Floats, *, inside_arena: bool) -> Bools:
     valid = np.ones(len(positions), dtype=bool)
     if inside_arena and world.arena is not None:
-        low, high = world.bounds
-        valid &= ((positions[:, :2] > low) & (positions[:, :2] < high)).all(axis=1)
+        valid &= world.arena.clearance(positions[:, :2]) > 0.0
     for solid in world.solids:
         valid &= ~solid.contains(positions)
     return valid

@@ -175,9 +175,8 @@ def is_free(world: World, positions: ArrayLike, clearance: float = 0.0) -> Bools
     points = shapely.points(xy)
     free = np.ones(len(xy), dtype=bool)
     if world.arena is not None:
-        low, high = world.bounds
-        free &= ((xy > low) & (xy < high)).all(axis=1)
-        free &= (np.minimum(xy - low, high - xy) >= clearance).all(axis=1)
+        distance = world.arena.clearance(xy)
+        free &= (distance > 0.0) & (distance >= clearance)
     for solid in world.solids:
         distance = shapely.distance(solid.shadow, points)
         free &= (distance > 0.0) & (distance >= clearance)

@@ -10,9 +10,10 @@ import shapely
 from numpy.typing import ArrayLike
 
 from primfit._check import Floats, generator, integer, number, range_of
+from primfit.worlds.arena import Arena
 from primfit.worlds.prism import Prism
 from primfit.worlds.random_polyhedra import POLYHEDRA, random_polyhedron
-from primfit.worlds.world import Arena, Solid, World
+from primfit.worlds.world import Solid, World
 
 SIZES: dict[str, tuple[float, float]] = {
     "triangle": (0.18, 0.32),
@@ -24,11 +25,14 @@ SIZES: dict[str, tuple[float, float]] = {
     "octagon": (0.09, 0.14),
     "star": (0.20, 0.24),
     "polygon": (0.12, 0.20),
+    "circle": (0.10, 0.17),
+    "ellipse": (0.07, 0.11),
 }
-"""Range of sizes, metres: sides; short sides of rectangles; outer radii of stars and polygons."""
+"""Range of sizes, metres: sides; short sides of rectangles; outer radii of stars and polygons;
+radii of circles; short semi-axes of ellipses."""
 
 RATIO = 1.8
-"""Long side of a random rectangle over its short one."""
+"""Long side of a random rectangle over its short one, and long axis of an ellipse likewise."""
 
 
 class WorldFullError(ValueError):
@@ -65,8 +69,9 @@ def random_world(
     kinds : sequence of str
         Kinds to choose from, alike likely: "triangle", "square", "pentagon" to "octagon",
         "rectangle" (its long side is `RATIO` times the short one), "star" (five tips, the notches
-        at half the radius), "polygon" (5 to 8 corners at random bearings and radii); and polyhedra
-        (see `random_polyhedron`): "box", "cube", "wedge", "pyramid", "frustum", "prism".
+        at half the radius), "polygon" (5 to 8 corners at random bearings and radii), "circle",
+        "ellipse" (its long axis is `RATIO` times the short one); and polyhedra (see
+        `random_polyhedron`): "box", "cube", "wedge", "pyramid", "frustum", "prism".
     rng : None, int or numpy.random.Generator
         Same `rng`, same world.
     sizes : dict of str to (low, high), metres
@@ -112,9 +117,7 @@ def random_world(
             raise ValueError(
                 f"{name} must be taken from {', '.join(known)}; not {unknown or kinds}"
             )
-    counts = range_of("n_solids", n_solids)
-    if counts[0] < 0 or counts[0] % 1 or counts[1] % 1:
-        raise ValueError(f"n_solids must be a count or a range of counts, not {n_solids!r}")
+    fewest, most = counts_of(n_solids)
     limits = {kind: range_of(f"sizes[{kind!r}]", each, above=0.0) for kind, each in sizes.items()}
     ranges = known | limits
     turns, heights = range_of("angles", angles), range_of("height", height, above=0.0)
@@ -125,19 +128,27 @@ def random_world(
     arena = Arena(size, height=wall_height)  # type: ignore[arg-type]
 
     solids: list[Solid] = []
-    for _ in range(rng.integers(int(counts[0]), int(counts[1]) + 1)):
+    for _ in range(rng.integers(fewest, most + 1)):
         kind = kinds[rng.integers(len(kinds))]
         if kind in POLYHEDRA:
             loose = random_polyhedron(kind, ranges[kind], turns, rng, tilted=tilted)
             shape = shapely.get_coordinates(loose.shadow.exterior)[:-1]
-            outline = _find_place(shape, solids, arena, wall_distance, buffer, max_attempts, rng)
+            outline = find_place(shape, solids, arena, wall_distance, buffer, max_attempts, rng)
             solids.append(loose.moved([*(outline[0] - shape[0]), 0.0]))
             continue
         shape = _random_footprint(kind, ranges[kind], rng.uniform(*turns), rng)
         tall = float(rng.uniform(*heights))
-        outline = _find_place(shape, solids, arena, wall_distance, buffer, max_attempts, rng)
+        outline = find_place(shape, solids, arena, wall_distance, buffer, max_attempts, rng)
         solids.append(Prism(outline, tall))
     return World(solids, arena)
+
+
+def counts_of(n_solids: int | tuple[int, int]) -> tuple[int, int]:
+    """Least and largest number of solids that an argument `n_solids` allows."""
+    low, high = range_of("n_solids", n_solids)
+    if low < 0 or low % 1 or high % 1:
+        raise ValueError(f"n_solids must be a count or a range of counts, not {n_solids!r}")
+    return int(low), int(high)
 
 
 def _random_footprint(
@@ -146,6 +157,10 @@ def _random_footprint(
     size = rng.uniform(*limits)
     if kind == "rectangle":
         return Prism.rectangle(RATIO * size, size, angle=angle).footprint
+    if kind == "circle":
+        return Prism.circle(size).footprint
+    if kind == "ellipse":
+        return Prism.ellipse(RATIO * size, size, angle=angle).footprint
     if kind == "star":
         return Prism.star(5, size, size / 2, angle=angle).footprint
     if kind == "polygon":
@@ -157,7 +172,7 @@ def _random_footprint(
     return Prism.regular(n, size, angle=angle).footprint
 
 
-def _find_place(
+def find_place(
     shape: Floats,
     solids: Sequence[Solid],
     arena: Arena,
@@ -165,19 +180,24 @@ def _find_place(
     buffer: float,
     max_attempts: int,
     rng: np.random.Generator,
+    *,
+    grown_inside: bool = False,
 ) -> Floats:
-    """The paper's PlaceShape: same kind and angle, new positions until one is legal."""
+    """The paper's PlaceShape: same kind and angle, new positions until one is legal.
+
+    `grown_inside` asks that the outline grown by `buffer` keep the distance to the walls, too.
+    """
     others = shapely.MultiPolygon([solid.shadow for solid in solids])
     shape = shape - shape.mean(axis=0)
     grown = grow(shape, buffer)
     for _ in range(max_attempts):
         center = rng.uniform(0.0, arena.size)
-        outline = shape + center
-        inside = (outline >= wall_distance).all() and (
-            outline <= np.array(arena.size) - wall_distance
+        kept = (grown if grown_inside else shape) + center
+        inside = (kept >= wall_distance).all() and (
+            kept <= np.array(arena.size) - wall_distance
         ).all()
         if inside and not shapely.Polygon(grown + center).intersects(others):
-            return outline
+            return shape + center
     raise WorldFullError(
         f"no place for solid {len(solids) + 1} after max_attempts={max_attempts} positions in an "
         f"arena of {arena.size[0]:g} x {arena.size[1]:g} m: ask for fewer (n_solids) or smaller "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -14,7 +14,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from primfit._check import Bools, Floats, Ints, frozen, number
+from primfit._check import Bools, Floats, Ints, frozen
+from primfit.geometry.footprints import clean_footprint, triangulate
+from primfit.worlds.arena import Arena
 from primfit.worlds.polyhedron import Polyhedron
 from primfit.worlds.prism import Prism
 
@@ -38,6 +40,8 @@ COLORS = {
     "rectangle": (90, 174, 97),
     "pentagon": (153, 112, 171),
     "star": (224, 168, 45),
+    "circle": (53, 151, 143),
+    "ellipse": (197, 27, 125),
     "box": (90, 174, 97),
     "cube": (67, 147, 195),
     "wedge": (214, 96, 77),
@@ -46,39 +50,7 @@ COLORS = {
 }
 """Colour of each kind in `World.matrix` and in pictures (red, green, blue)."""
 OTHER_COLOR = (120, 120, 120)
-
-
-@dataclass(frozen=True)
-class Arena:
-    """Walls around a rectangle whose corner is the origin.
-
-    The inner faces stand at 0 and `size`; the walls have no thickness, since a sensor inside
-    cannot see it.
-
-    Parameters
-    ----------
-    size : float or (2,), metres
-        Inner width (x) and depth (y).
-    height : float, metres
-        Height of the walls.
-    """
-
-    size: tuple[float, float] = (2.0, 2.0)
-    height: float = field(default=0.3, kw_only=True)
-
-    def __post_init__(self) -> None:
-        size = (self.size, self.size) if np.ndim(self.size) == 0 else tuple(self.size)
-        if len(size) != 2:
-            raise ValueError(f"size must be a number or (width, depth), not {self.size!r}")
-        width, depth = (number("size", value, above=0.0) for value in size)
-        object.__setattr__(self, "size", (width, depth))
-        object.__setattr__(self, "height", number("height", self.height, above=0.0))
-
-    @property
-    def outline(self) -> Floats:
-        """Corners (4, 2) of the inside, counter-clockwise."""
-        width, depth = self.size
-        return np.array([[0.0, 0.0], [width, 0.0], [width, depth], [0.0, depth]])
+OUTSIDE_COLOR = (60, 60, 60)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +95,7 @@ class World:
     def bounds(self) -> tuple[Floats, Floats]:
         """Lower and upper corner (2,) of the arena, or else of all solids; metres."""
         if self.arena is not None:
-            return np.zeros(2), np.array(self.arena.size)
+            return self.arena.bounds
         if not self.solids:
             return np.zeros(2), np.zeros(2)
         corners = np.concatenate([solid.vertices[:, :2] for solid in self.solids])
@@ -131,26 +103,35 @@ class World:
 
     @cached_property
     def mask(self) -> Bools:
-        """Which cells solids cover: (rows, columns), row along y, column along x.
+        """Which cells are not free: (rows, columns), row along y, column along x.
 
-        The centre of cell [i, j] is at ``bounds[0] + ((j + 0.5) * CELL, (i + 0.5) * CELL)``.
+        These are the cells that solids cover, and those outside an arena that does not fill its
+        bounds. The centre of cell [i, j] is at
+        ``bounds[0] + ((j + 0.5) * CELL, (i + 0.5) * CELL)``.
         """
-        return frozen(self._cells >= 0)
+        return frozen(self._cells != NOTHING)
 
     @cached_property
     def matrix(self) -> NDArray[np.uint8]:
-        """The map as an image (rows, columns, 3) of uint8: colour by kind, black for free."""
+        """The map as an image (rows, columns, 3) of uint8: colour by kind, black for free.
+
+        Grey is outside of the arena.
+        """
         colors = [COLORS.get(solid.kind, OTHER_COLOR) for solid in self.solids]
-        palette = np.array([*colors, (0, 0, 0)], dtype=np.uint8)
+        # The last two are those of the arena, -2, and of nothing, -1.
+        palette = np.array([*colors, OUTSIDE_COLOR, (0, 0, 0)], dtype=np.uint8)
         return frozen(palette[self._cells])
 
     @cached_property
     def _cells(self) -> Ints:
+        """What covers each cell: row of a solid, the arena where outside of it, or nothing."""
         low, high = self.bounds
         n_columns, n_rows = np.ceil((high - low) / CELL - 1e-9).astype(int)
         x = low[0] + (np.arange(n_columns) + 0.5) * CELL
         y = low[1] + (np.arange(n_rows) + 0.5) * CELL
-        cells = np.full((n_rows, n_columns), -1, dtype=np.int64)
+        cells = np.full((n_rows, n_columns), NOTHING, dtype=np.int64)
+        if self.arena is not None and not self.arena.is_rectangle_of_size:
+            cells[~shapely.contains_xy(self.arena.shadow, x, y[:, None])] = ARENA
         for i, solid in enumerate(self.solids):
             cells[shapely.contains_xy(solid.shadow, x, y[:, None])] = i
         return cells
@@ -158,17 +139,17 @@ class World:
     @cached_property
     def _mesh(self) -> tuple[Floats, Ints, Ints]:
         parts = [(*solid.to_mesh(), i) for i, solid in enumerate(self.solids)]
-        low, high = self.bounds
         if self.arena is not None:
             walls = Prism(self.arena.outline, self.arena.height)
             # The first triangles of a prism are its walls; seen from inside they turn around.
-            parts.append((walls.vertices, walls.to_mesh()[1][:8, ::-1], ARENA))
+            n = 2 * len(self.arena.outline)
+            parts.append((walls.vertices, walls.to_mesh()[1][:n, ::-1], ARENA))
+            floor = self.arena.outline
         else:
-            low, high = low - OPEN_FLOOR, high + OPEN_FLOOR
-        floor = np.array(
-            [[low[0], low[1], 0], [high[0], low[1], 0], [*high, 0], [low[0], high[1], 0]]
-        )
-        parts.append((floor, np.array([[0, 1, 2], [0, 2, 3]]), FLOOR))
+            low, high = self.bounds
+            around = shapely.box(*(low - OPEN_FLOOR), *(high + OPEN_FLOOR))
+            floor = clean_footprint(shapely.get_coordinates(around))
+        parts.append((np.insert(floor, 2, 0.0, axis=1), triangulate(floor), FLOOR))
         first = np.cumsum([0, *(len(vertices) for vertices, _, _ in parts)])
         return (
             frozen(np.concatenate([vertices for vertices, _, _ in parts])),
@@ -200,8 +181,10 @@ class World:
 
     def to_dict(self) -> dict[str, Any]:
         """The world as plain numbers, for JSON."""
-        arena = self.arena and {"size": list(self.arena.size), "height": self.arena.height}
-        return {"solids": [solid.to_dict() for solid in self.solids], "arena": arena}
+        return {
+            "solids": [solid.to_dict() for solid in self.solids],
+            "arena": self.arena and self.arena.to_dict(),
+        }
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write the world as JSON; every number survives exactly."""
@@ -235,5 +218,5 @@ class World:
 
     def __repr__(self) -> str:
         kinds = ", ".join(solid.kind for solid in self.solids) or "empty"
-        where = "no arena" if self.arena is None else "arena {:g} x {:g} m".format(*self.arena.size)
+        where = "no arena" if self.arena is None else f"arena {self.arena.description}"
         return f"World({len(self.solids)} solid{'s' * (len(self.solids) != 1)}: {kinds}; {where})"

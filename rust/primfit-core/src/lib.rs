@@ -24,7 +24,7 @@ pub use error::Error;
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
 pub use likelihood::{
     BeamBlocks, Beams, Candidate, Climb, Effort, Family, Grid, LevelLines, Local, Posterior,
-    Prices, Region, Slope, carve, prism_costs, sample, wall_depths,
+    Prices, Region, Slope, Spans, carve, prism_costs, prism_ranges, sample, wall_depths,
 };
 pub use neighbors::{LocalPlane, Neighbor, PointTree};
 pub use rays::{Gate, Hits, RayCaster, Readings, Transform, turned};

@@ -13,7 +13,7 @@ mod sampling;
 mod student;
 
 pub use beams::{BeamBlocks, Beams, Candidate, Prices};
-pub use carving::{Grid, carve};
+pub use carving::{Grid, Spans, carve};
 pub use climbing::{Climb, Slope};
 pub use costs::prism_costs;
 pub use family::Family;
@@ -30,21 +30,26 @@ use meeting::{Real, Walls};
 /// are; infinite for never.
 #[must_use]
 pub fn wall_depths(beams: &BeamBlocks, footprint: &[[f64; 2]]) -> Vec<f64> {
-    let endless = Candidate { footprint, bottom: f64::NEG_INFINITY, top: f64::INFINITY };
-    let walls = beams.walls(&endless);
-    let mut depths = walls_depths(beams, &walls);
-    depths.truncate(beams.len());
-    depths
+    let (bottom, top) = (f64::NEG_INFINITY, f64::INFINITY);
+    prism_ranges(beams, &Candidate { footprint, bottom, top, is_open: true })
+}
+
+/// How far along each beam it first meets a prism; infinite for never.
+#[must_use]
+pub fn prism_ranges(beams: &BeamBlocks, candidate: &Candidate) -> Vec<f64> {
+    let mut ranges = walls_ranges(beams, &beams.walls(candidate));
+    ranges.truncate(beams.len());
+    ranges
 }
 
 widest! {
-fn walls_depths(beams: &BeamBlocks, walls: &Walls<Real>) -> Vec<f64> {
+fn walls_ranges(beams: &BeamBlocks, walls: &Walls<Real>) -> Vec<f64> {
     type Lane = <Set as Isa>::Sixteen;
-    let mut depths = Vec::with_capacity(beams.blocks.len() * BLOCK);
+    let mut ranges = Vec::with_capacity(beams.blocks.len() * BLOCK);
     for block in &beams.blocks {
         let nearest = block.meet(walls, Lane::splat(Real::INFINITY));
-        depths.extend(Lane::store(nearest).map(f64::from));
+        ranges.extend(Lane::store(nearest).map(f64::from));
     }
-    depths
+    ranges
 }
 }

@@ -4,10 +4,10 @@ use crate::arrays::{rows, same_length};
 use crate::door;
 use crate::family::Family;
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    IntoPyArray, PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
 };
-use primfit_core::{Beams, Candidate, Effort, Grid, Prices, Region, Slope};
+use primfit_core::{Beams, Candidate, Effort, Grid, Prices, Region, Slope, Spans};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -40,7 +40,7 @@ impl BeamBlocks {
         ranges: PyReadonlyArray1<f64>,
         background: PyReadonlyArray1<f64>,
         sigmas: PyReadonlyArray1<f64>,
-        max_range: f64,
+        limits: [f64; 2],
         outlier: f64,
         missing: f64,
     ) -> PyResult<Self> {
@@ -56,7 +56,8 @@ impl BeamBlocks {
         same_length("ranges", beams.ranges.len(), "origins", n)?;
         same_length("background", beams.background.len(), "origins", n)?;
         same_length("sigmas", beams.sigmas.len(), "origins", n)?;
-        let prices = Prices { max_range, outlier, missing };
+        let [min_range, max_range] = limits;
+        let prices = Prices { min_range, max_range, outlier, missing };
         Ok(Self(py.detach(|| primfit_core::BeamBlocks::new(beams, prices))))
     }
 
@@ -64,13 +65,16 @@ impl BeamBlocks {
         self.0.len()
     }
 
-    #[pyo3(signature = (footprints, bottoms, tops, n_jobs=None))]
+    #[pyo3(signature = (footprints, bottoms, tops, is_open=false, n_jobs=None))]
+    // What the prisms are, and by how many threads.
+    #[allow(clippy::too_many_arguments)]
     fn costs<'py>(
         &self,
         py: Python<'py>,
         footprints: PyReadonlyArray3<f64>,
         bottoms: PyReadonlyArray1<f64>,
         tops: PyReadonlyArray1<f64>,
+        is_open: bool,
         n_jobs: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let &[n, n_corners, 2] = footprints.shape() else {
@@ -86,6 +90,7 @@ impl BeamBlocks {
                 footprint: &corners[k * n_corners..(k + 1) * n_corners],
                 bottom: bottoms[k],
                 top: tops[k],
+                is_open,
             })
             .collect();
         let costs = door::enter(py, n_jobs, |workers| {
@@ -103,7 +108,21 @@ impl BeamBlocks {
         Ok(py.detach(|| primfit_core::wall_depths(&self.0, footprint)).into_pyarray(py))
     }
 
-    #[pyo3(signature = (footprint, bottom, top, slack=0.0, top_slack=0.0, weight=1.0))]
+    /// Range at which each beam first meets a prism; infinite for never.
+    fn prism_ranges<'py>(
+        &self,
+        py: Python<'py>,
+        footprint: PyReadonlyArray2<f64>,
+        bottom: f64,
+        top: f64,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let candidate = Candidate { footprint: corners(&footprint)?, bottom, top, is_open: false };
+        Ok(py.detach(|| primfit_core::prism_ranges(&self.0, &candidate)).into_pyarray(py))
+    }
+
+    #[pyo3(signature = (
+        footprint, bottom, top, slack=0.0, top_slack=0.0, weight=1.0, is_open=false,
+    ))]
     // What the prism is, where it stands, and how far it may move.
     #[allow(clippy::too_many_arguments)]
     fn around(
@@ -115,8 +134,9 @@ impl BeamBlocks {
         slack: f64,
         top_slack: f64,
         weight: f64,
+        is_open: bool,
     ) -> PyResult<Local> {
-        let candidate = Candidate { footprint: corners(&footprint)?, bottom, top };
+        let candidate = Candidate { footprint: corners(&footprint)?, bottom, top, is_open };
         let region = Region { candidate, slack, top_slack };
         Ok(Local(py.detach(|| primfit_core::Local::new(&self.0, region, weight))))
     }
@@ -132,11 +152,12 @@ impl BeamBlocks {
         top: f64,
         weight: f64,
         n_steps: usize,
+        is_open: bool,
     ) -> PyResult<Climb<'py>> {
         let (family, start) = (family.core(), start.as_slice()?);
         let n = family.n_parameters();
         same_length("start", start.len(), "parameters", n)?;
-        let slope = Slope { beams: &self.0, family, bottom, top, weight };
+        let slope = Slope { beams: &self.0, family, bottom, top, is_open, weight };
         let end = py.detach(|| slope.climb(start, n_steps));
         let covariance = end.covariance.into_pyarray(py).reshape([n, n])?;
         Ok((end.parameters.into_pyarray(py), end.cost, covariance))
@@ -207,7 +228,7 @@ fn at_least_three(n_corners: usize) -> PyResult<()> {
 
 #[pyfunction]
 #[pyo3(signature = (
-    origins, directions, certain, reach, low, cell, shape, heights, n_jobs=None,
+    origins, directions, starts, passed, ends, low, cell, shape, heights, n_jobs=None,
 ))]
 // One array a property of beams and grid.
 #[allow(clippy::too_many_arguments)]
@@ -215,26 +236,37 @@ pub fn carve<'py>(
     py: Python<'py>,
     origins: PyReadonlyArray2<f64>,
     directions: PyReadonlyArray2<f64>,
-    certain: PyReadonlyArray1<f64>,
-    reach: f64,
+    starts: PyReadonlyArray1<f64>,
+    passed: PyReadonlyArray1<f64>,
+    ends: PyReadonlyArray1<f64>,
     low: [f64; 2],
     cell: f64,
     shape: [usize; 2],
-    heights: [f64; 2],
+    heights: PyReadonlyArray1<f64>,
     n_jobs: Option<usize>,
-) -> PyResult<Bound<'py, PyArray3<u32>>> {
+) -> PyResult<Bound<'py, PyArray4<u32>>> {
     let (origins, directions) = (rows("origins", &origins)?, rows("directions", &directions)?);
-    let certain = certain.as_slice()?;
-    same_length("directions", directions.len(), "origins", origins.len())?;
-    same_length("certain", certain.len(), "origins", origins.len())?;
-    if shape[0].checked_mul(shape[1]).is_none_or(|n| n > u32::MAX as usize) {
+    let n = origins.len();
+    same_length("directions", directions.len(), "origins", n)?;
+    let spans =
+        Spans { starts: starts.as_slice()?, passed: passed.as_slice()?, ends: ends.as_slice()? };
+    same_length("starts", spans.starts.len(), "origins", n)?;
+    same_length("passed", spans.passed.len(), "origins", n)?;
+    same_length("ends", spans.ends.len(), "origins", n)?;
+    let heights = heights.as_slice()?;
+    if heights.len() < 2 {
+        return Err(PyValueError::new_err("heights must be at least two"));
+    }
+    let n_layers = heights.len() - 1;
+    let n_cells = shape[0].checked_mul(shape[1]).and_then(|n| n.checked_mul(n_layers));
+    if n_cells.is_none_or(|n| n > u32::MAX as usize) {
         return Err(PyValueError::new_err("the grid must have at most 2**32 cells"));
     }
     let grid = Grid { low, cell, shape, heights };
     let counts = door::enter(py, n_jobs, |workers| {
-        primfit_core::carve(origins, directions, certain, reach, grid, workers)
+        primfit_core::carve(origins, directions, spans, grid, workers)
     })?;
-    counts.into_flattened().into_pyarray(py).reshape([shape[0], shape[1], 2])
+    counts.into_flattened().into_pyarray(py).reshape([shape[0], shape[1], n_layers, 2])
 }
 
 #[pyfunction]

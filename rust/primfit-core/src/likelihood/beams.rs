@@ -30,6 +30,8 @@ pub struct Beams<'a> {
 /// What beams cost that the model does not explain.
 #[derive(Clone, Copy)]
 pub struct Prices {
+    /// True ranges nearer give no return.
+    pub min_range: f64,
     /// True ranges beyond give no return.
     pub max_range: f64,
     /// Most that a return costs, whatever its range.
@@ -47,6 +49,8 @@ pub struct Candidate<'a> {
     pub bottom: f64,
     /// z of its upper end.
     pub top: f64,
+    /// Whether it has no top face, as the walls of a room.
+    pub is_open: bool,
 }
 
 /// Beams relative to their middle, one by one and by coordinate.
@@ -56,7 +60,29 @@ pub struct BeamBlocks {
     pub(super) blocks: Vec<Block>,
     /// Middle of the origins, from which all places are taken.
     pub(super) middle: Vector,
-    pub(super) max_range: Real,
+    pub(super) limits: Limits,
+}
+
+/// Lowest and highest true range that gives a return.
+#[derive(Clone, Copy)]
+pub(crate) struct Limits {
+    pub low: Real,
+    pub high: Real,
+}
+
+#[allow(clippy::inline_always)]
+impl Limits {
+    /// What is `inside` where a range gives a return, and `outside` elsewhere.
+    #[inline(always)]
+    pub fn select<L: Lanes<Array = [Real; N]>, const N: usize>(
+        self,
+        range: L,
+        inside: L,
+        outside: L,
+    ) -> L {
+        let inside = L::splat(self.low).where_le(range, inside, outside);
+        range.where_le(L::splat(self.high), inside, outside)
+    }
 }
 
 pub(super) type Block = Beam<[Real; BLOCK]>;
@@ -80,7 +106,7 @@ impl BeamBlocks {
     /// Beams of equally long slices.
     #[must_use]
     pub fn new(beams: Beams, prices: Prices) -> Self {
-        let Prices { max_range, outlier, missing } = prices;
+        let Prices { min_range, max_range, outlier, missing } = prices;
         let len = beams.ranges.len();
         let scale = 1.0 / len.max(1) as f64;
         let middle = std::array::from_fn(|x| {
@@ -107,7 +133,8 @@ impl BeamBlocks {
         };
         let beams: Vec<_> = (0..len).map(beam).collect();
         let blocks = beams.chunks(BLOCK).map(side_by_side).collect();
-        Self { beams, blocks, middle, max_range: max_range as Real }
+        let limits = Limits { low: min_range as Real, high: max_range as Real };
+        Self { beams, blocks, middle, limits }
     }
 
     /// How many beams there are.
@@ -133,6 +160,7 @@ impl BeamBlocks {
                 .collect(),
             bottom: (candidate.bottom - z) as Real,
             top: (candidate.top - z) as Real,
+            is_open: candidate.is_open,
         }
     }
 }

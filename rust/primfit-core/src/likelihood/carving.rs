@@ -1,39 +1,44 @@
-//! Space that beams crossed, and what of it they passed, on a grid.
+//! Free-space carving: how many beams crossed each cell, and how many of them surely passed it.
 
 use crate::{Error, Vector, Workers};
 use rayon::prelude::*;
-use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Beams that one task follows.
-const TASK: usize = 1 << 15;
-/// Beams between two questions to the caller.
+/// Beams that one task follows, and beams between two questions to the caller.
+const TASK: usize = 1 << 12;
 const CHUNK: usize = 1 << 18;
 
 /// Both counts of a cell in one number.
 const CROSSED: u64 = 1;
 const PASSED: u64 = 1 << 32;
 
-/// Upright cells of one layer.
+/// Upright cells, each cut into layers.
 #[derive(Clone, Copy)]
-pub struct Grid {
+pub struct Grid<'a> {
     /// Corner of the first cell.
     pub low: [f64; 2],
     /// Side of a cell.
     pub cell: f64,
     /// Cells along x and y.
     pub shape: [usize; 2],
-    /// z of the lower and the upper end of all.
-    pub heights: [f64; 2],
+    /// z of the ends of the layers, ascending; one more than there are layers.
+    pub heights: &'a [f64],
 }
 
-impl Grid {
+impl Grid<'_> {
+    fn n_layers(&self) -> usize {
+        self.heights.len() - 1
+    }
+
+    /// Numbers of layers, cells along x and y, and all together.
     fn len(&self) -> usize {
-        self.shape[0] * self.shape[1]
+        self.shape[0] * self.shape[1] * self.n_layers()
     }
 
     /// The way of a beam through the grid, in steps of a cell.
     fn way(&self, origin: Vector, direction: Vector) -> Way {
-        let [low, high] = self.heights;
+        let low = self.heights[0];
+        let high = self.heights[self.n_layers()];
         let scale = 1.0 / self.cell;
         Way {
             start: [
@@ -65,9 +70,8 @@ impl Way {
         (0..3).all(|axis| (0.0..self.ends[axis]).contains(&self.at(axis, step)))
     }
 
-    /// The steps in the grid, from the first to the last, of so many.
-    fn steps(&self, n_steps: usize) -> (usize, usize) {
-        let (mut first, mut last) = (0, n_steps);
+    /// The steps in the grid, from the first to the last, between two given ones.
+    fn steps(&self, [mut first, mut last]: [usize; 2]) -> (usize, usize) {
         for axis in 0..3 {
             let [a, b] =
                 [0.0, self.ends[axis]].map(|end| (end - self.start[axis]) / self.direction[axis]);
@@ -77,7 +81,6 @@ impl Way {
             }
         }
         // Rounding may have put a step at an end in or out.
-        first = first.saturating_sub(1);
         while first < last && !self.is_inside(first) {
             first += 1;
         }
@@ -88,52 +91,60 @@ impl Way {
     }
 }
 
-/// Of each cell, how many beams crossed it before `reach`, and how many of them passed it.
+/// Which part of each beam counts, metres from its origin.
+#[derive(Clone, Copy)]
+pub struct Spans<'a> {
+    /// Where its part begins.
+    pub starts: &'a [f64],
+    /// Up to where it surely passed.
+    pub passed: &'a [f64],
+    /// Up to where it is followed: it crossed the cells between, but may have ended before.
+    pub ends: &'a [f64],
+}
+
+/// How many beams crossed each cell of each layer, and how many of them passed it.
 ///
-/// A beam has passed the cells before its entry of `certain`. Beams are followed in steps of a
-/// cell.
+/// Cells along x, then along y, then layers. Beams are followed in steps of a cell.
 ///
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
 pub fn carve(
     origins: &[Vector],
     directions: &[Vector],
-    certain: &[f64],
-    reach: f64,
+    spans: Spans,
     grid: Grid,
     workers: &Workers,
 ) -> Result<Vec<[u32; 2]>, Error> {
-    let empty = || vec![0_u64; grid.len()];
-    let n_steps = (reach / grid.cell).ceil() as usize;
-    let follow = |mut counts: Vec<u64>, row: usize| {
+    let counts: Vec<AtomicU64> = (0..grid.len()).map(|_| AtomicU64::new(0)).collect();
+    let n_layers = grid.n_layers();
+    let edges: Vec<f64> = grid.heights.iter().map(|z| (z - grid.heights[0]) / grid.cell).collect();
+    let step_of = |metres: f64| (metres / grid.cell + 0.5) as usize;
+    let follow = |row: usize| {
         let way = grid.way(origins[row], directions[row]);
-        let (first, last) = way.steps(n_steps);
-        let n_passed = (certain[row] / grid.cell + 0.5) as usize;
-        let mut count = |steps: Range<usize>, one: u64| {
-            for step in steps {
-                let [x, y] = [0, 1].map(|axis| way.at(axis, step) as u32 as usize);
-                counts[x * grid.shape[1] + y] += one;
+        let (first, last) = way.steps([step_of(spans.starts[row]), step_of(spans.ends[row])]);
+        let n_passed = step_of(spans.passed[row]);
+        let mut layer = 0;
+        for step in first..last {
+            let z = way.at(2, step);
+            while layer + 1 < n_layers && z >= edges[layer + 1] {
+                layer += 1;
             }
-        };
-        let end = n_passed.clamp(first, last.max(first));
-        count(first..end, CROSSED + PASSED);
-        count(end..last, CROSSED);
-        counts
-    };
-    let add = |mut sum: Vec<u64>, other: Vec<u64>| {
-        for (sum, other) in sum.iter_mut().zip(other) {
-            *sum += other;
+            while layer > 0 && z < edges[layer] {
+                layer -= 1;
+            }
+            let [x, y] = [0, 1].map(|axis| way.at(axis, step) as u32 as usize);
+            let one = if step < n_passed { CROSSED + PASSED } else { CROSSED };
+            counts[(x * grid.shape[1] + y) * n_layers + layer].fetch_add(one, Ordering::Relaxed);
         }
-        sum
     };
-    let mut counts = empty();
-    for first in (0..certain.len()).step_by(CHUNK) {
+    for first in (0..origins.len()).step_by(CHUNK) {
         workers.check()?;
-        let rows = first..certain.len().min(first + CHUNK);
-        let more = workers.install(|| {
-            rows.into_par_iter().with_min_len(TASK).fold(empty, follow).reduce(empty, add)
-        });
-        counts = add(counts, more);
+        let rows = first..origins.len().min(first + CHUNK);
+        workers.install(|| rows.into_par_iter().with_min_len(TASK).for_each(follow));
     }
-    Ok(counts.into_iter().map(|count| [count as u32, (count / PASSED) as u32]).collect())
+    Ok(counts
+        .into_iter()
+        .map(AtomicU64::into_inner)
+        .map(|count| [count as u32, (count / PASSED) as u32])
+        .collect())
 }

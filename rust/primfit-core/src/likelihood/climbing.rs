@@ -31,6 +31,8 @@ pub struct Slope<'a> {
     pub bottom: f64,
     /// z of its upper end.
     pub top: f64,
+    /// Whether it has no top face.
+    pub is_open: bool,
     /// How many beams each stands for.
     pub weight: f64,
 }
@@ -80,7 +82,12 @@ impl Slope<'_> {
 
     fn at(&self, parameters: &DVector<f64>) -> Local {
         let footprint: Vec<[f64; 2]> = self.family.footprint(parameters.as_slice()).collect();
-        let candidate = Candidate { footprint: &footprint, bottom: self.bottom, top: self.top };
+        let candidate = Candidate {
+            footprint: &footprint,
+            bottom: self.bottom,
+            top: self.top,
+            is_open: self.is_open,
+        };
         let found = expand(self.beams, &candidate, 0.0, 0.0);
         let n = found.gradient.len();
         let changes = self.family.changes(parameters.as_slice());

@@ -3,7 +3,7 @@
 //! Each lane holds a prism, and one beam after the other meets them. Prisms that are alike have the
 //! same walls beside a beam, and those that it passes cost next to nothing.
 
-use super::beams::{BeamBlocks, Candidate};
+use super::beams::{BeamBlocks, Candidate, Limits};
 use super::meeting::{Beam, Real, Walls};
 use crate::instructions::widest;
 use crate::lanes::{Isa, Lanes};
@@ -37,20 +37,20 @@ pub fn prism_costs(
     candidates: &[Candidate],
     workers: &Workers,
 ) -> Result<Vec<f64>, Error> {
-    costs(&beams.beams, beams.middle, beams.max_range, candidates, workers)
+    costs(&beams.beams, beams.middle, beams.limits, candidates, workers)
 }
 
 /// Of candidates with equally many corners, by beams relative to their middle.
 pub(super) fn costs(
     beams: &[Beam<Real>],
     middle: Vector,
-    max_range: Real,
+    limits: Limits,
     candidates: &[Candidate],
     workers: &Workers,
 ) -> Result<Vec<f64>, Error> {
     let groups: Vec<_> =
         candidates.chunks(LANES).map(|group| side_by_side(group, middle)).collect();
-    let sums = |groups: &[_]| sums_of_costs(beams, groups, max_range);
+    let sums = |groups: &[_]| sums_of_costs(beams, groups, limits);
     let mut costs = Vec::with_capacity(groups.len());
     if candidates.len() * beams.len() < FEW {
         costs = sums(&groups);
@@ -79,6 +79,7 @@ fn side_by_side(group: &[Candidate], middle: Vector) -> Walls<[Real; LANES]> {
             .collect(),
         bottom: lanes(&|each| each.bottom - z),
         top: lanes(&|each| each.top - z),
+        is_open: group[0].is_open,
     }
 }
 
@@ -86,7 +87,7 @@ widest! {
 fn sums_of_costs(
     beams: &[Beam<Real>],
     groups: &[Walls<[Real; LANES]>],
-    max_range: Real,
+    limits: Limits,
 ) -> Vec<[f64; LANES]> {
     type Lane = <Set as Isa>::Eight;
     let mut costs = vec![[0.0; LANES]; groups.len()];
@@ -96,7 +97,7 @@ fn sums_of_costs(
         for beam in run {
             for (walls, sum) in groups.iter().zip(&mut sums) {
                 let nearest = beam.meet(walls, Lane::splat(beam.background));
-                *sum = *sum + beam.costs(nearest, max_range);
+                *sum = *sum + beam.costs(nearest, limits);
             }
         }
         for (costs, sums) in costs.iter_mut().zip(&sums) {

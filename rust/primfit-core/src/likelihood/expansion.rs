@@ -6,7 +6,7 @@
 //! each candidate.
 
 use super::Candidate;
-use super::beams::{BLOCK, BeamBlocks, Block, Row};
+use super::beams::{BLOCK, BeamBlocks, Block, Limits, Row};
 use super::meeting::{Real, Walls};
 use crate::instructions::widest;
 use crate::lanes::{Isa, Lanes};
@@ -62,7 +62,7 @@ fn sum_walls(
             let mut weight = [1.0; BLOCK];
             if let Some([slack, top_slack]) = slack {
                 let may_change =
-                    may_change(block, walls, nearest, slack, top_slack, beams.max_range);
+                    may_change(block, walls, nearest, slack, top_slack, beams.limits);
                 let n_beams = BLOCK.min(beams.len() - number * BLOCK);
                 for (i, weight) in weight.iter_mut().enumerate().take(n_beams) {
                     if may_change >> i & 1 == 1 {
@@ -72,9 +72,9 @@ fn sum_walls(
                 }
             }
             let weight = Lane::load(&weight);
-            let costs = block.costs(nearest, beams.max_range);
+            let costs = block.costs(nearest, beams.limits);
             run_cost = run_cost + weight * costs;
-            add_slopes(block, walls, nearest, weight, beams.max_range, &mut run_sums);
+            add_slopes(block, walls, nearest, weight, beams.limits, &mut run_sums);
         }
         cost += total(run_cost);
         for (sums, run_sums) in sums.iter_mut().zip(&run_sums) {
@@ -104,14 +104,14 @@ fn add_slopes<L: Row>(
     walls: &Walls<Real>,
     nearest: L,
     weight: L,
-    max_range: Real,
+    limits: Limits,
     sums: &mut [[L; 5]],
 ) {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     // Sigmas a metre where the range counts, else nothing, and no infinite residual beside it.
     let residual: L = block.residuals(nearest);
     let precision = weight * L::load(&block.precision);
-    let precision = nearest.where_le(L::splat(max_range), precision, zero);
+    let precision = limits.select(nearest, precision, zero);
     let square = L::splat(0.5) * residual * residual;
     let precision = L::load(&block.most).where_le(square, zero, precision);
     let residual = zero.where_le(zero - precision, zero, residual);
@@ -174,13 +174,13 @@ fn may_change<L: Row>(
     nearest: L,
     slack: Real,
     top_slack: Real,
-    max_range: Real,
+    limits: Limits,
 ) -> u32 {
     let zero = L::splat(0.0);
     let (bottom, top) = (L::splat(walls.bottom), L::splat(walls.top));
     let (z, uz) = (L::load(&block.z), L::load(&block.uz));
     let (level, background) = (L::load(&block.level), L::load(&block.background));
-    let reach = L::splat(max_range);
+    let [low, high] = [limits.low, limits.high].map(L::splat);
     // How far along a beam a wall may move that it crosses at right angles.
     let play = L::splat(slack) * L::load(&block.level.map(Real::sqrt));
     let (mut open, mut crossed) = (0, 0);
@@ -196,7 +196,8 @@ fn may_change<L: Row>(
         let at_top = (height - top).abs().le(L::splat(top_slack) + rise);
         let at_bottom = (height - bottom).abs().le(rise);
         let at_end = (range - background).abs().le(slide)
-            | (range - reach).abs().le(slide)
+            | (range - low).abs().le(slide)
+            | (range - high).abs().le(slide)
             | range.abs().le(slide);
         let reaches = range.le(background + slide) & (zero - slide).le(range);
         let crosses = !zero.le(last.is_between(next));
@@ -209,5 +210,5 @@ fn may_change<L: Row>(
         (last, before) = (next, corner);
     }
     let over = !z.le(top - L::splat(top_slack)) & !zero.le(uz);
-    open | over & crossed
+    if walls.is_open { open } else { open | over & crossed }
 }

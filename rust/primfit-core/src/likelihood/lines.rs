@@ -5,6 +5,9 @@ use crate::Vector;
 /// Least share of a beam that is level, lest it have no way.
 const LEAST_LEVEL: f64 = 1e-12;
 
+/// Beams whose origins have a box in common.
+const BLOCK: usize = 256;
+
 /// Level lines of beams, relative to their middle: nearness needs no more than single precision.
 pub struct LevelLines {
     middle: [f64; 2],
@@ -13,6 +16,8 @@ pub struct LevelLines {
     across: Vec<f32>,
     /// How far along its line each beam starts, and the way that it makes along it in a metre.
     steps: Vec<[f32; 2]>,
+    /// Lowest and highest origins of each `BLOCK` beams: those of one pose stand together.
+    blocks: Vec<[[f32; 2]; 2]>,
 }
 
 impl LevelLines {
@@ -26,6 +31,7 @@ impl LevelLines {
             ways: Vec::with_capacity(origins.len()),
             across: Vec::with_capacity(origins.len()),
             steps: Vec::with_capacity(origins.len()),
+            blocks: Vec::with_capacity(origins.len() / BLOCK + 1),
         };
         for (&[x, y, _], &[ux, uy, _]) in origins.iter().zip(directions) {
             let level = ux.hypot(uy).max(LEAST_LEVEL);
@@ -33,6 +39,13 @@ impl LevelLines {
             lines.ways.push([dx as f32, dy as f32]);
             lines.across.push((y * dx - x * dy) as f32);
             lines.steps.push([(x * dx + y * dy) as f32, level as f32]);
+        }
+        for block in origins.chunks(BLOCK) {
+            let places = block.iter().map(|origin| lines.relative([origin[0], origin[1]]));
+            let none = [[f32::INFINITY; 2], [f32::NEG_INFINITY; 2]];
+            lines.blocks.push(places.fold(none, |[low, high], [x, y]| {
+                [[low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)]]
+            }));
         }
         lines
     }
@@ -77,7 +90,20 @@ impl LevelLines {
                 along > -radius && along - radius < reach * self.steps[row][1]
             }
         };
-        (0..self.len()).step_by(stride).filter(comes_near).collect()
+        let mut rows = Vec::new();
+        let mut first = 0;
+        while first < self.len() {
+            let block = first / BLOCK;
+            let end = self.len().min((block + 1) * BLOCK);
+            let some = (first..end).step_by(stride);
+            first += some.len() * stride;
+            let [low, high] = self.blocks[block];
+            let off = [0, 1].map(|k| (low[k] - place[k]).max(place[k] - high[k]).max(0.0));
+            if off[0].hypot(off[1]) < 1.001 * (radius + reach) {
+                rows.extend(some.filter(comes_near));
+            }
+        }
+        rows
     }
 
     /// How far some beams have gone where they may come within `radius` of a place.

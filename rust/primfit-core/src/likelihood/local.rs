@@ -1,6 +1,6 @@
 //! The likelihood near one prism: a quadratic, and the beams at its silhouettes.
 
-use super::beams::{BeamBlocks, Candidate};
+use super::beams::{BeamBlocks, Candidate, Limits};
 use super::costs::costs;
 use super::expansion::{Expansion, expand};
 use super::family::Family;
@@ -31,7 +31,8 @@ pub struct Local {
     pub smooth: Expansion,
     open: Vec<Beam<Real>>,
     middle: Vector,
-    max_range: Real,
+    limits: Limits,
+    is_open: bool,
 }
 
 impl Local {
@@ -54,7 +55,8 @@ impl Local {
             open: smooth.open.iter().map(|&i| beams.beams[i]).collect(),
             smooth,
             middle: beams.middle,
-            max_range: beams.max_range,
+            limits: beams.limits,
+            is_open: candidate.is_open,
         }
     }
 
@@ -95,9 +97,14 @@ impl Local {
         let candidates: Vec<Candidate> = corners
             .chunks(self.n_corners())
             .zip(&tops)
-            .map(|(footprint, &top)| Candidate { footprint, bottom: self.bottom, top })
+            .map(|(footprint, &top)| Candidate {
+                footprint,
+                bottom: self.bottom,
+                top,
+                is_open: self.is_open,
+            })
             .collect();
-        let costs = costs(&self.open, self.middle, self.max_range, &candidates, workers)?;
+        let costs = costs(&self.open, self.middle, self.limits, &candidates, workers)?;
         for (i, cost) in near.into_iter().zip(costs) {
             all[i] += self.weight * cost;
         }

@@ -1,5 +1,6 @@
 //! Where beams meet the walls of prisms, whichever of the two there are several of.
 
+use super::beams::Limits;
 use crate::lanes::Lanes;
 
 /// Precision of the kernels: twice as many numbers a register as in double precision, and an error
@@ -60,6 +61,8 @@ pub(crate) struct Walls<T> {
     pub corners: Vec<[T; 2]>,
     pub bottom: T,
     pub top: T,
+    /// Whether there is no top face.
+    pub is_open: bool,
 }
 
 #[allow(clippy::inline_always)]
@@ -118,7 +121,7 @@ impl<T> Beam<T> {
         let (bottom, top): (L, L) = (walls.bottom.lanes(), walls.top.lanes());
         let (z, uz): (L, L) = (self.z.lanes(), self.uz.lanes());
         let all = zero.le(zero);
-        let is_over = (z.le(top) | zero.le(uz)) != all;
+        let is_over = !walls.is_open && (z.le(top) | zero.le(uz)) != all;
         let descent = if is_over { (top - z) / uz } else { never };
         // Negative after an odd number of walls beyond the height of the top.
         let mut beyond = one;
@@ -152,15 +155,19 @@ impl<T> Beam<T> {
         nearest
     }
 
-    /// Cost of beams that should meet a surface at `expected`, those beyond `max_range` none.
+    /// Cost of beams that should meet a surface at `expected`, those outside the limits none.
     #[inline(always)]
-    pub fn costs<L: Lanes>(&self, expected: L, max_range: Real) -> L
+    pub fn costs<const N: usize, L: Lanes<Array = [Real; N]>>(
+        &self,
+        expected: L,
+        limits: Limits,
+    ) -> L
     where
         T: Spread<L>,
     {
         let residual = self.residuals(expected);
         let explained = (L::splat(0.5) * residual * residual).min(self.most.lanes());
-        expected.where_le(L::splat(max_range), explained, self.nothing.lanes())
+        limits.select(expected, explained, self.nothing.lanes())
     }
 
     /// By how many standard deviations ranges exceed what is expected.

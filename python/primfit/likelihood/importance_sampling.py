@@ -9,44 +9,7 @@ import numpy as np
 
 from primfit import _primfit
 from primfit._check import Floats
-
-FEW = 6
-"""Parameters up to which independent draws hit the posterior often enough."""
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How hard `sample` tries.
-
-    Attributes
-    ----------
-    n : int
-        Draws of a generation.
-    generations : int
-        Most of them.
-    wanted : float
-        Effective number of draws at which it ends.
-    least : float
-        Effective number of draws that tell where the posterior is.
-    chained : int
-        Draws of Markov chains in `FEW` parameters.
-    """
-
-    n: int
-    generations: int
-    wanted: float
-    least: float
-    chained: int
-
-    def n_chained(self, n_parameters: int) -> int:
-        """Draws of Markov chains in many parameters: chains and steps grow with their number."""
-        return self.chained * n_parameters**2 // FEW**2
-
-
-QUICK = Effort(n=144, generations=8, wanted=40.0, least=13.0, chained=768)
-THOROUGH = Effort(n=320, generations=12, wanted=400.0, least=67.0, chained=5760)
-"""To sample a level, and a posterior that is reported: proposals that follow few draws make its
-spread too small."""
+from primfit.likelihood.settings import Effort
 
 
 @dataclass(frozen=True, eq=False)

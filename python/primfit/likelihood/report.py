@@ -6,34 +6,38 @@ import numpy as np
 
 from primfit._check import Floats, Ints, frozen
 from primfit.geometry.footprints import wrap
-from primfit.likelihood.competition import Body, Contender
+from primfit.geometry.outlines import free_polygon
 from primfit.likelihood.fitting import Fit
+from primfit.likelihood.footprint_models import Template
+from primfit.likelihood.hypotheses import Candidate, Hypothesis
 from primfit.likelihood.scene import Scene
-from primfit.likelihood.templates import Template
-from primfit.paper.classification import free_polygon
 from primfit.planes.plane import Plane, hull
-from primfit.planes.scan_planes import SIGMAS
-from primfit.results import Detection, FoundArena, FoundSolid
+from primfit.results import Contradiction, Detection, FoundArena, FoundSolid
 from primfit.worlds.world import FLOOR
 
 _SEEN = 3
 """Returns from which a face counts as seen."""
 
+_SIGMAS = 3.0
+"""Standard deviations within which a return is explained: all but 2.7 in 1000 are."""
 
-def describe(
+
+def to_detection(
     scene: Scene,
-    bodies: list[Body],
-    room: Fit | None,
-    base_sigma: float | None,
+    floor_sigma: float | None,
     sigma: float,
+    contradictions: tuple[Contradiction, ...],
 ) -> Detection:
-    """What was found, in public terms; `base_sigma` is None where no floor was seen."""
+    """What was found, in public terms; `floor_sigma` is None where no floor was seen."""
     scan = scene.scan
     expected, parts, faces = scene.first_hits()
-    hits = scan.is_return & (expected <= scene.noise.reach)
+    hits = scan.is_return & scene.model.is_visible(expected)
     residual = np.full(len(scan), np.inf)
     residual[hits] = scan.ranges[hits] - expected[hits]
-    explained = np.abs(residual) <= SIGMAS * scene.noise.sigma
+    # The room and the floor come after the solids, whose shapes are not exact.
+    errors = np.array([*(solid.model_error for solid in scene.solids), 0.0])
+    sigma_of = np.hypot(scene.model.sigma, errors[np.where(parts < 0, len(errors) - 1, parts)])
+    explained = np.abs(residual) <= _SIGMAS * sigma_of
     at = scan.origins + np.where(hits, expected, 0.0)[:, None] * scan.directions
 
     planes: list[Plane] = []
@@ -46,34 +50,45 @@ def describe(
         return len(planes) - 1
 
     def add_walls(part: int, fit: Fit, side: float) -> list[int]:
-        """Numbers of the walls that returns explain."""
+        """Numbers of the walls that returns explain; a curve has none."""
+        if isinstance(fit.shape, Template) and fit.shape.is_round:
+            return []
         numbers = []
         own = np.flatnonzero(explained & (parts == part))
         for face in range(len(fit.footprint)):
             rows = own[faces[own] == face]
             if len(rows) >= _SEEN:
                 top = float(at[rows, 2].max())
-                wall = _wall(fit, face, scene.base, top, side)
+                wall = _wall(fit, face, scene.floor_z, top, side)
                 numbers.append(add(rows, *wall))
         return numbers
 
-    solids = []
-    for part, body in enumerate(bodies):
-        mine = add_walls(part, body.contenders[0].fit, 1.0)
-        m = len(body.footprint)
+    def seen_faces(part: int, n_faces: int) -> tuple[Ints, tuple[bool, ...]]:
+        """Returns on a part, and which of its faces have enough of them."""
         own = np.flatnonzero(hits & (parts == part))
-        seen = tuple(bool(n >= _SEEN) for n in np.bincount(faces[own], minlength=m + 2))
-        highest = float(at[own, 2].max(initial=scene.base))
-        solids.append(_solid(body, scene.base, base_sigma, highest, tuple(mine), seen))
+        return own, tuple(bool(n >= _SEEN) for n in np.bincount(faces[own], minlength=n_faces))
+
+    solids = []
+    for part, solid in enumerate(scene.solids):
+        mine = add_walls(part, solid.best.fit, 1.0)
+        own, seen = seen_faces(part, len(solid.footprint) + 2)
+        highest = float(at[own, 2].max(initial=scene.floor_z))
+        solids.append(_solid(solid, scene.floor_z, floor_sigma, highest, tuple(mine), seen))
     arena = None
-    if room is not None:
-        arena = FoundArena(room.footprint, tuple(add_walls(len(bodies), room, -1.0)))
+    if scene.room is not None:
+        part, fit, top = len(scene.solids), scene.room.fit, scene.room.top
+        arena = FoundArena(
+            fit.footprint,
+            tuple(add_walls(part, fit, -1.0)),
+            observed=seen_faces(part, len(fit.footprint))[1],
+            height=top.z - scene.floor_z if np.isfinite(top.sigma) else np.nan,
+        )
 
     floor = None
-    if base_sigma is not None:
+    if floor_sigma is not None:
         rows = np.flatnonzero(explained & (parts == FLOOR))
-        equation = np.array([0.0, 0.0, 1.0, -scene.base])
-        covariance = np.diag([0.0, 0.0, 0.0, base_sigma**2])
+        equation = np.array([0.0, 0.0, 1.0, -scene.floor_z])
+        covariance = np.diag([0.0, 0.0, 0.0, floor_sigma**2])
         boundary = at[rows][hull(at[rows, :2])[0]]
         floor = _plane(rows, equation, covariance, boundary, residual[rows])
     return Detection(
@@ -86,10 +101,14 @@ def describe(
         floor=floor,
         sigma=sigma,
         settings={
-            "outliers": scene.noise.outliers,
-            "lost": scene.noise.lost,
-            "reach": scene.noise.reach,
+            "outliers": scene.model.outliers,
+            "dropouts": scene.model.dropouts,
+            "min_range": scene.model.min_range,
+            "max_range": scene.model.max_range,
+            "min_range_is_known": scan.min_range is not None,
+            "tolerance_share": scene.settings.tolerance_share,
         },
+        contradictions=contradictions,
     )
 
 
@@ -133,41 +152,55 @@ def _wall(
 
 
 def _solid(
-    body: Body,
+    solid: Hypothesis,
     base: float,
-    base_sigma: float | None,
+    floor_sigma: float | None,
     highest: float,
     planes: tuple[int, ...],
     seen: tuple[bool, ...],
 ) -> FoundSolid:
-    best = body.contenders[0]
+    best = solid.best
     footprint, angle, size, covariance = _measures(best)
-    top_is_known = base_sigma is not None and np.isfinite(body.top.sigma)
+    top_is_known = floor_sigma is not None and np.isfinite(best.top.sigma)
     m = len(footprint)
     return FoundSolid(
         kind=best.fit.shape.kind,
         footprint=footprint,
         base=base,
-        top=body.top.z if np.isfinite(body.top.sigma) else highest,
+        top=best.top.z if np.isfinite(best.top.sigma) else highest,
         angle=angle,
         size=size,
         covariance=covariance,
         planes=planes,
         observed=(*seen[:m], False, seen[m]),
-        height_sigma=float(np.hypot(body.top.sigma, base_sigma or 0.0)) if top_is_known else np.nan,
+        tolerance_sigma=solid.doubt * _leverage(m, best.fit.shape.n_parameters),
+        height_sigma=float(np.hypot(best.top.sigma, floor_sigma or 0.0))
+        if top_is_known
+        else np.nan,
     )
 
 
+def _leverage(n_corners: int, n_parameters: int) -> float:
+    """How far the centre of a shape is off, where its walls are off by one after it was fitted.
+
+    Corners that are off by c along x and y each take the walls off by c times the root of 2/3, of
+    which the fit of some of the 2 m coordinates takes a part; the centre is off by c over the root
+    of m.
+    """
+    left = max(1.0 - n_parameters / (2.0 * n_corners), 0.25)
+    return float(np.sqrt(1.5 / left / n_corners))
+
+
 def _measures(
-    contender: Contender,
+    candidate: Candidate,
 ) -> tuple[Floats, float, float | tuple[float, float], Floats]:
     """Footprint, angle, size, and the covariance of centre, angle and size."""
-    fit = contender.fit
+    fit = candidate.fit
     if not isinstance(fit.shape, Template):
         _, corners = fit.shape.frame(fit.parameters)
         outline = free_polygon(fit.footprint, corners @ fit.covariance @ corners.T)
         return outline.footprint, outline.angle, outline.size, outline.covariance
     sizes = tuple(float(size) for size in fit.parameters[3:])
-    angle = wrap(float(fit.parameters[2]), fit.shape.period)
+    angle = 0.0 if fit.shape.kind == "circle" else wrap(float(fit.parameters[2]), fit.shape.period)
     size = sizes[0] if len(sizes) == 1 else (sizes[0], sizes[1])
     return fit.footprint, angle, size, fit.covariance

@@ -7,29 +7,16 @@ from collections.abc import Callable
 import numpy as np
 
 from primfit._check import Floats
-from primfit.likelihood.sampling import Effort, Posterior
-
-_CHAINS = 4
-"""Chains a parameter."""
-
-_START = 0.3
-"""Spread of the chains at first, in that of the start: they spread faster than they contract."""
-
-_BURNT = 0.4
-"""Share of the steps that only lead to the posterior."""
-
-_LEAP = 8
-"""Every so manieth step may lead from one mode to another."""
-
-_JITTER = 1e-4
-"""Random part of a step, in standard deviations of the start."""
+from primfit.likelihood.importance_sampling import Posterior
+from primfit.likelihood.settings import Effort, SamplingSettings
 
 
-def evolve(
+def explore(
     cost: Callable[[Floats], Floats],
     mean: Floats,
     covariance: Floats,
     rng: np.random.Generator,
+    how: SamplingSettings,
     effort: Effort,
 ) -> Posterior:
     """Markov chains that step by the differences between each other.
@@ -45,23 +32,23 @@ def evolve(
     Cost, mean, covariance and effort are those of `sample`.
     """
     d = len(mean)
-    n = 2 * max(_CHAINS * d // 2, 2)
-    steps = max(effort.n_chained(d) // n, 10)
+    n = 2 * max(how.chains * d // 2, 2)
+    steps = max(how.n_chained(effort, d) // n, 10)
     root = _root_of(covariance)
-    at = mean + _START * rng.normal(size=(n, d)) @ root.T
+    at = mean + how.start * rng.normal(size=(n, d)) @ root.T
     at[0] = mean
     costs = cost(at)
     at[~np.isfinite(costs)], costs[~np.isfinite(costs)] = mean, costs[0]
     best, best_cost = mean, float(costs[0])
     kept, kept_costs = [], []
     for step in range(steps):
-        scale = 1.0 if step % _LEAP == _LEAP - 1 else 2.38 / np.sqrt(2 * d)
+        scale = 1.0 if step % how.leap == how.leap - 1 else 2.38 / np.sqrt(2 * d)
         for half in (0, 1):
             mine, others = slice(half, None, 2), at[1 - half :: 2]
             first = rng.integers(n // 2, size=n // 2)
             second = (first + rng.integers(1, n // 2, size=n // 2)) % (n // 2)
             trial = at[mine] + scale * (others[first] - others[second])
-            trial += _JITTER * rng.normal(size=trial.shape) @ root.T
+            trial += how.jitter * rng.normal(size=trial.shape) @ root.T
             trial_costs = cost(trial)
             is_taken = trial_costs < costs[mine] + rng.exponential(size=n // 2)
             at[mine][is_taken] = trial[is_taken]
@@ -69,7 +56,7 @@ def evolve(
         lowest = int(np.argmin(costs))
         if costs[lowest] < best_cost:
             best, best_cost = at[lowest].copy(), float(costs[lowest])
-        if step >= _BURNT * steps:
+        if step >= how.burn_in * steps:
             kept.append(at.copy())
             kept_costs.append(costs.copy())
     chains = np.stack(kept)

@@ -1,8 +1,8 @@
-"""Kinds of solids as vectors of parameters: what is fitted to the beams.
+"""Footprint models: kinds of solids as vectors of parameters, which are fitted to the beams.
 
-A shape turns parameters into corners, and says how the corners change with them. A `Template` has
+A model turns parameters into corners, and says how the corners change with them. A `Template` has
 x, y, angle and one or two sizes; a `FreePolygon` has the corners themselves. Parameters may have
-more entries behind these, which a shape does not look at.
+more entries behind these, which a model does not look at.
 """
 
 from __future__ import annotations
@@ -18,20 +18,16 @@ from primfit import _primfit
 from primfit._check import Bools, Floats
 from primfit.geometry import footprints
 from primfit.geometry.footprints import regular_name
+from primfit.likelihood.settings import ModelSettings
 
 _ORIGIN = np.zeros(2)
 
-_FLAT = 0.03
-"""How far a corner that may be none is off the line of its neighbours, as a share of the size."""
-
-_SHALLOW = 0.85
-"""Depth of notches, in that of the shallowest ones, from which a star is nearly regular."""
-
-_NEARLY = 1.3
-"""Sides of a rectangle that is nearly a square, the one over the other, at the most."""
+_ROUND, _ROUNDEST = 24, 64
+"""Corners that stand for a circle, of whose radius they are off by 0.6 % at the most; and in a
+report, 0.08 %."""
 
 
-class Shape(ABC):
+class FootprintModel(ABC):
     """What a footprint may be."""
 
     kind: str
@@ -65,7 +61,7 @@ class Shape(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Template(Shape):
+class Template(FootprintModel):
     """A kind of footprint with one or two sizes, which are positive.
 
     A star whose notches are shallower than `slimmest` is no star. Either side of a rectangle may be
@@ -84,6 +80,8 @@ class Template(Shape):
         Sizes to start from, for an area.
     slimmest : float
         Greatest second size over the first.
+    is_round : bool
+        Whether its corners stand for a curve.
     """
 
     kind: str
@@ -92,6 +90,7 @@ class Template(Shape):
     axes: np.ndarray
     sizes_of_area: Callable[[float], list[tuple[float, ...]]]
     slimmest: float = 1.0
+    is_round: bool = False
 
     @cached_property
     def family(self) -> _primfit.Family:
@@ -106,11 +105,12 @@ class Template(Shape):
 
     def log_prior(self, scale: float) -> float:
         """Uniform in place, angle and sizes."""
-        return -float(np.log(self.period) + (2 + self.n_sizes) * np.log(scale))
+        angle = 0.0 if self.kind == "circle" else np.log(self.period)
+        return -float(angle + (2 + self.n_sizes) * np.log(scale))
 
 
 @dataclass(frozen=True)
-class FreePolygon(Shape):
+class FreePolygon(FootprintModel):
     """Any polygon that does not touch itself: its parameters are the x and y of its corners."""
 
     n_corners: int
@@ -179,7 +179,52 @@ def _star(n: int) -> Template:
     )
 
 
+def _corners_of_circle(n: int) -> np.ndarray:
+    """Corners of a regular polygon with the area of a circle of radius one."""
+    radius = np.sqrt(2 * np.pi / (n * np.sin(2 * np.pi / n)))
+    corners: np.ndarray = radius * np.exp(2j * np.pi * np.arange(n) / n)
+    return corners
+
+
+def _circle(n: int) -> Template:
+    return Template(
+        "circle",
+        1,
+        # A turn changes nothing but which corners there are.
+        2 * np.pi / n,
+        _corners_of_circle(n)[None],
+        lambda area: [(float(np.sqrt(area / np.pi)),)],
+        is_round=True,
+    )
+
+
+def _ellipse(n: int) -> Template:
+    corners = _corners_of_circle(n)
+    return Template(
+        "ellipse",
+        2,
+        np.pi,
+        np.stack([corners.real + 0j, 1j * corners.imag]),
+        lambda area: [
+            (float(np.sqrt(area * ratio / np.pi)), float(np.sqrt(area / ratio / np.pi)))
+            for ratio in (1.3, 2.0)
+        ],
+        slimmest=np.inf,
+        is_round=True,
+    )
+
+
 RECTANGLE, SQUARE = _rectangle(), _regular(4)
+CIRCLE, ELLIPSE = _circle(_ROUND), _ellipse(_ROUND)
+
+FINEST: dict[FootprintModel, FootprintModel] = {
+    CIRCLE: _circle(_ROUNDEST),
+    ELLIPSE: _ellipse(_ROUNDEST),
+}
+"""The same with the same parameters and more corners, for a report."""
+
+NESTED: dict[FootprintModel, FootprintModel] = {RECTANGLE: SQUARE, ELLIPSE: CIRCLE}
+"""Kinds of two sizes, and what they are when these are equal."""
 
 REGULAR = {n: SQUARE if n == 4 else _regular(n) for n in range(3, 9)}
 """Regular polygons by their number of corners."""
@@ -187,35 +232,84 @@ REGULAR = {n: SQUARE if n == 4 else _regular(n) for n in range(3, 9)}
 STARS = {n: _star(n) for n in (4, 5, 6)}
 """Stars by their number of tips."""
 
-TEMPLATES = (*REGULAR.values(), RECTANGLE, *STARS.values())
-"""Kinds that are tried."""
+TEMPLATES = (*REGULAR.values(), RECTANGLE, *STARS.values(), CIRCLE)
+"""Kinds that are tried; an ellipse is tried beside rectangle and circle."""
 
 
-def kin(shape: Shape, parameters: Floats) -> list[tuple[Shape, Floats]]:
-    """What a shape may be instead, with where to start.
+def n_sizes(model: FootprintModel) -> int:
+    """How many lengths a kind has besides its place: the fewer, the simpler."""
+    return model.n_sizes if isinstance(model, Template) else model.n_parameters
 
-    A rectangle may be a square and the other way round, a star with shallow notches a regular
-    polygon, a polygon one with a corner less, a regular one or a rectangle.
+
+def related(
+    model: FootprintModel, parameters: Floats, how: ModelSettings
+) -> list[tuple[FootprintModel, Floats]]:
+    """What a footprint may be instead, with where to start: nested models and their parents.
+
+    A rectangle may be a square and the other way round, an ellipse a circle, a star with shallow
+    notches a regular polygon, one of many corners a circle, a free polygon one with a corner less,
+    a regular one, a rectangle, a circle or an ellipse.
     """
     place, sizes = parameters[:3], parameters[3:]
-    if shape is SQUARE:
-        return [(RECTANGLE, np.append(place, [sizes[0], sizes[0]]))]
-    if shape is RECTANGLE and sizes[0] < _NEARLY * sizes[1]:
-        return [(SQUARE, np.append(place, np.sqrt(sizes[0] * sizes[1])))]
-    if isinstance(shape, Template) and shape.kind == "star":
-        regular = REGULAR[shape.axes.shape[1] // 2]
-        if sizes[1] > _SHALLOW * shape.slimmest * sizes[0]:
-            tip = sizes[0] * shape.axes[0, 0] / regular.axes[0, 0]
-            return [(regular, np.array([*place[:2], place[2] + np.angle(tip), np.abs(tip)]))]
-    if isinstance(shape, FreePolygon):
-        footprint = shape.footprints(parameters[None])[0]
-        simpler = without_flattest(footprint)
+    if isinstance(model, FreePolygon):
+        footprint = model.footprints(parameters[None])[0]
+        simpler = without_flattest(footprint, how.flat)
         starts = [] if simpler is None else [(FreePolygon(len(simpler)), simpler.ravel())]
-        return starts + _named(footprint)
+        return starts + _named(footprint) + _round(footprint, how.round_corners)
+    found: list[tuple[FootprintModel, Floats]] = []
+    if model is RECTANGLE:
+        found.append((ELLIPSE, np.append(place, sizes / np.sqrt(3.0))))
+    for two, one in NESTED.items():
+        if model is one:
+            found.append((two, np.append(place, [sizes[0], sizes[0]])))
+        if model is two and max(sizes) < how.nearly * min(sizes):
+            found.append((one, np.append(place, np.sqrt(sizes[0] * sizes[1]))))
+    if found:
+        return found
+    if isinstance(model, Template) and model.kind == "star":
+        regular = REGULAR[model.axes.shape[1] // 2]
+        if sizes[1] > how.shallow * model.slimmest * sizes[0]:
+            tip = sizes[0] * model.axes[0, 0] / regular.axes[0, 0]
+            return [(regular, np.array([*place[:2], place[2] + np.angle(tip), np.abs(tip)]))]
+    if isinstance(model, Template) and model.kind not in ("star", "rectangle", "ellipse"):
+        return _round(model.footprints(parameters[None])[0], how.round_corners)
     return []
 
 
-def _named(footprint: Floats) -> list[tuple[Shape, Floats]]:
+def half_seen(
+    model: FootprintModel, parameters: Floats, sigmas: Floats, how: ModelSettings
+) -> list[tuple[FootprintModel, Floats]]:
+    """What a footprint may be of which one size is not known, with where to start.
+
+    A rectangle of which one side was seen may be a square on that side, or the same behind it.
+    """
+    if model is not RECTANGLE:
+        return []
+    known, unknown = (3, 4) if sigmas[3] < sigmas[4] else (4, 3)
+    if sigmas[unknown] < how.unknown_size * parameters[unknown]:
+        return []
+    side, turn = parameters[known], parameters[2] + (0.0 if unknown == 3 else np.pi / 2)
+    move = 0.5 * (parameters[unknown] - side) * np.array([np.cos(turn), np.sin(turn)])
+    return [
+        (SQUARE, np.array([*(parameters[:2] + sign * move), parameters[2], side]))
+        for sign in (1.0, -1.0)
+    ]
+
+
+def _round(footprint: Floats, least: int) -> list[tuple[FootprintModel, Floats]]:
+    """Circle and ellipse with the moments of a polygon that has many corners."""
+    if len(footprint) < least:
+        return []
+    center = footprints.area_centroid(footprint)
+    fit = footprints.fit_ellipse(footprint)
+    radius = np.sqrt(fit.long * fit.short)
+    return [
+        (CIRCLE, np.array([*center, 0.0, radius])),
+        (ELLIPSE, np.array([*center, fit.angle, fit.long, fit.short])),
+    ]
+
+
+def _named(footprint: Floats) -> list[tuple[FootprintModel, Floats]]:
     """Kinds with as many corners as a polygon, where they come nearest to it."""
     m = len(footprint)
     if m not in REGULAR:
@@ -224,7 +318,7 @@ def _named(footprint: Floats) -> list[tuple[Shape, Floats]]:
     arms = _complex(footprint - center)
     axis = REGULAR[m].axes[0]
     size = np.vdot(axis, arms) / np.vdot(axis, axis)
-    starts: list[tuple[Shape, Floats]] = [
+    starts: list[tuple[FootprintModel, Floats]] = [
         (REGULAR[m], np.array([*center, np.angle(size), np.abs(size)]))
     ]
     if m == 4:
@@ -235,7 +329,7 @@ def _named(footprint: Floats) -> list[tuple[Shape, Floats]]:
     return starts
 
 
-def without_flattest(footprint: Floats) -> Floats | None:
+def without_flattest(footprint: Floats, flat: float) -> Floats | None:
     """A polygon without the corner nearest to the line of its neighbours; None if that is far."""
     before, after = np.roll(footprint, 1, axis=0), np.roll(footprint, -1, axis=0)
     along, to_corner = after - before, footprint - before
@@ -243,4 +337,4 @@ def without_flattest(footprint: Floats) -> Floats | None:
     off /= np.linalg.norm(along, axis=1)
     k = int(np.argmin(off))
     size = float(np.ptp(footprint, axis=0).max())
-    return np.delete(footprint, k, axis=0) if len(off) > 3 and off[k] < _FLAT * size else None
+    return np.delete(footprint, k, axis=0) if len(off) > 3 and off[k] < flat * size else None
