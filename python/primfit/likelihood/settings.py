@@ -135,9 +135,8 @@ class RoomSettings:
     polygon_gain : float, nats
         What each corner of a polygon beyond four must gain at the least.
     polygon_share : float
-        The same as a share of what all walls gain: a solid that stands near a wall gains one or
-        two hundredths a corner if it is taken for a part of the wall, the notch of an L more than
-        ten.
+        The same as a share of what all walls gain: the notch of an L has a large share of the
+        returns from walls, a solid near a wall that is taken for a part of it a small one.
     survey_beams : int
         Beams by which the walls are sampled in the end.
     tolerance_share : float
@@ -287,8 +286,8 @@ class SamplingSettings:
     leap : int
         Every so manieth step may lead from one mode to another.
     most_beams : int
-        Beams near a solid by which it is sampled for a report: as many more would make it more
-        exact by a third, and take twice the time.
+        Beams near a solid by which it is sampled for a report: errors fall with the root of their
+        number, and time grows with it.
     jitter : float
         Random part of a step, in standard deviations of the start.
     """
@@ -430,8 +429,8 @@ class ConsistencySettings:
     least_beams, least_returns : int
         Beams that tell of a place, and unexplained returns that make one.
     least_gain : float, nats
-        By which two shares must explain beams that ended and passed better than one: chance gives
-        15 in none of some millions of places.
+        By which two shares must explain beams that ended and passed better than one: the best of
+        all splits by chance stays far below.
     least_change : float
         Difference of the two shares: less is what a rough surface or lost returns make.
     crowding : float
