@@ -252,13 +252,10 @@ def kinect(data: Path) -> list[Scene]:
 
 def pcd_with_labels(file: Path) -> tuple[np.ndarray, np.ndarray]:
     """Finite points and labels of a PCD file of any kind."""
-    from pypcd4 import PointCloud
-
-    cloud = PointCloud.from_path(str(file))
-    points = cloud.numpy(("x", "y", "z")).astype(float)
-    label = np.ravel(cloud.numpy(("label",))) if "label" in cloud.fields else np.zeros(len(points))
-    finite = np.isfinite(points).all(axis=1)
-    return points[finite], label[finite].astype(int)
+    cloud = primfit.read_cloud(file)
+    label = cloud.fields.get("label", np.zeros(len(cloud)))
+    finite = np.isfinite(cloud.points).all(axis=1)
+    return cloud.points[finite], label[finite].astype(int)
 
 
 GENERATED: dict[str, tuple[Callable[[int], Scene], tuple[int, ...]]] = {

@@ -80,8 +80,8 @@ def paper(seed: int, sigma: float = 0.03, spacing: float = 0.4) -> Scene:
     """
     world = primfit.paper_world(rng=seed)
     lidar = primfit.Lidar.paper(noise=sigma / 3.0)
-    path = primfit.paper_path(world, spacing)
-    scan = primfit.scan(primfit.built_of_walls(world), path, lidar, rng=seed)
+    built = primfit.built_of_walls(world)
+    scan = primfit.scan(built, primfit.paper_path(built, spacing), lidar, rng=seed)
     return Scene(world, scan, {"sigma": sigma})
 
 

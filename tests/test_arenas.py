@@ -119,7 +119,8 @@ class TestWorldsInPolygons:
 
     def test_poses_outside_are_passed_over(self, room):
         poses = [(1.0, 2.5, 0.0), (3.0, 2.5, 0.0), (1.0, 1.0, 0.0)]
-        scan = primfit.scan(room, poses, rng=1)
+        with pytest.warns(UserWarning, match="path has 2 of 3 poses inside a solid or outside"):
+            scan = primfit.scan(room, poses, rng=1)
         assert np.unique(scan.pose_index).tolist() == [0]
         with pytest.raises(ValueError, match=r"no valid pose: .* arena 4 x 3 m, 6 walls"):
             primfit.scan(room, poses[1], rng=1)
@@ -127,7 +128,8 @@ class TestWorldsInPolygons:
     @pytest.mark.parametrize("seed", range(4))
     def test_paths_stay_inside(self, seed, room):
         grid = primfit.grid_path(room, 0.2, clearance=0.12, rng=seed)
-        crossing = primfit.waypoints(room, [(0.3, 2.7), (3.7, 1.2), (3.7, 0.3)], clearance=0.12)
+        with pytest.warns(UserWarning, match="31 of 94 positions are nearer than clearance=0.12"):
+            crossing = primfit.waypoints(room, [(0.3, 2.7), (3.7, 1.2), (3.7, 0.3)], clearance=0.12)
         inside = shapely.Polygon(ELL).buffer(-0.12 + 1e-9, join_style="mitre")
         for path in (grid, crossing):
             assert len(path) > 10

@@ -203,9 +203,3 @@ def test_ctrl_c_stops_the_building_of_a_caster():
     with pytest.raises(KeyboardInterrupt):
         primfit.RayCaster((vertices, triangles))
     timer.join()
-
-
-def test_results_are_immutable(scan, found):
-    for array in (scan.points, scan.ranges, found.labels, found.planes[0].inliers):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 0

@@ -151,9 +151,9 @@ class TestBadFiles:
         primfit.write_points(file, a_cloud(n=5000).points)
         content = file.read_bytes()
         cut = int(share * len(content))
-        if suffix in (".xyz", ".txt"):
+        if suffix in (".xyz", ".txt", ".asc", ".csv"):
             # Nothing tells that whole lines are missing.
-            cut = content[:cut].rindex(b" ")
+            cut = content[:cut].rindex(b"," if suffix == ".csv" else b" ")
         file.write_bytes(content[:cut])
         with pytest.raises(ValueError, match=f"is not readable as {suffix}"):
             primfit.read_cloud(file)
@@ -161,7 +161,11 @@ class TestBadFiles:
     @pytest.mark.parametrize("suffix", SUFFIXES)
     @pytest.mark.parametrize("other", SUFFIXES)
     def test_wrong_suffix(self, suffix, other, tmp_path):
-        families = [{".las", ".laz"}, {".xyz", ".txt", ".pts"}]
+        families = [
+            {".las", ".laz"},
+            {".xyz", ".txt", ".pts", ".asc", ".csv"},
+            {".csv.gz", ".pts.gz"},
+        ]
         if suffix == other or any({suffix, other} <= family for family in families):
             return
         file = tmp_path / f"cloud{suffix}"

@@ -334,7 +334,7 @@ class TestDetectPlanes:
         [
             (np.empty((0, 3)), "points must hold at least 3 returns"),
             (np.zeros((2, 3)), "points must hold at least 3 returns"),
-            (np.full((9, 3), np.nan), "points must be finite"),
+            (np.full((9, 3), np.nan), "points must hold at least 3 returns"),
             (np.zeros((9, 2)), "points must have shape"),
         ],
     )

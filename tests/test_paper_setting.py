@@ -129,7 +129,8 @@ def test_the_sensor_does_not_warn():
 def test_most_beams_pass_over_the_walls():
     """The sensor is 2 cm below the tops: what rises meets a wall only from near by."""
     world = primfit.paper_world(rng=2)
-    scan = primfit.scan(primfit.built_of_walls(world), primfit.paper_path(world, 0.4), primfit.Lidar.paper(), rng=1)  # fmt: skip
+    built = primfit.built_of_walls(world)
+    scan = primfit.scan(built, primfit.paper_path(built, 0.4), primfit.Lidar.paper(), rng=1)
     on_walls = np.isin(scan.solid_index, [*range(len(world.solids)), -2]) & scan.is_return
     flat = np.hypot(*(scan.points - scan.origins)[on_walls, :2].T)
     assert flat.max() <= 0.03 / np.tan(0.2 / 7) + 1e-9

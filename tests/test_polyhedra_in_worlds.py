@@ -68,7 +68,8 @@ class TestWorlds:
         inside, outside = np.eye(4), np.eye(4)
         inside[:3, 3] = box.center
         outside[:3, 3] = [1.0, 1.0, 0.1]
-        scan = primfit.scan(world, np.stack([inside, outside]), rng=1)
+        with pytest.warns(UserWarning, match="path has 1 of 2 poses inside a solid"):
+            scan = primfit.scan(world, np.stack([inside, outside]), rng=1)
         assert set(scan.pose_index) == {1}
         # Above it, within its height and shadow but not in it, a pose is valid.
         corner = box.vertices[box.vertices[:, 2].argmax()] - [0, 0, 0.001]

@@ -102,7 +102,7 @@ class TestScan:
         )
         for copy in (pickle.loads(pickle.dumps(unasked)), unasked.select(np.arange(len(unasked)))):
             for name, array in zip(fields, arrays, strict=True):
-                assert not array.flags.writeable
+                assert array.flags.writeable
                 np.testing.assert_array_equal(getattr(copy, name), array)
 
     def test_points_are_where_the_beams_end(self, scan):
@@ -179,7 +179,8 @@ class TestScan:
     def test_poses_inside_solids_and_outside_the_arena_are_left_out(self, world):
         x, y, _ = world.solids[0].center
         path = [(x, y, 0.0), (0.05, 0.05, 0.0), (9.0, 9.0, 0.0)]
-        assert np.unique(primfit.scan(world, path).pose_index).tolist() == [1]
+        with pytest.warns(UserWarning, match="path has 2 of 3 poses inside a solid"):
+            assert np.unique(primfit.scan(world, path).pose_index).tolist() == [1]
         with pytest.raises(ValueError, match="path has no valid pose: all 1 are inside a solid"):
             primfit.scan(world, path[0])
 
@@ -263,9 +264,8 @@ class TestRecorded:
                 lambda s: s.from_rays((0, 0, 0), [[1, 0, 0]], [1], layer=[0, 1]),
                 "layer must have shape",
             ),
-            (lambda s: s.from_points([[0, 0, np.nan]]), "points must be finite"),
             (lambda s: s.from_points([[0, 0]]), "points must have shape"),
-            (lambda s: s.from_points([[0, 0, 0]], (0, 0, 0)), "origins must differ from points"),
+            (lambda s: s.from_points([[0, 0, 1]], (0, 0, 1)), "origins must differ from points"),
             (lambda s: s.from_points([[0, 0, 1]], sigma=[1, 2]), "sigma must be a number or have"),
         ],
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,14 +18,37 @@ MOST_JOBS = 1024
 """Threads that may be asked for."""
 
 
-def as_rows(name: str, values: ArrayLike, n_columns: int, *, finite: bool = True) -> Floats:
-    """``values`` as a C-contiguous (n, n_columns) float64 array."""
+MOST_COORDINATE = 1e50
+"""Largest coordinate, metres: products of six, which moments of points are, fit in float64."""
+
+
+def as_rows(
+    name: str,
+    values: ArrayLike,
+    n_columns: int,
+    *,
+    finite: bool = True,
+    most: float = MOST_COORDINATE,
+) -> Floats:
+    """``values`` as a C-contiguous (n, n_columns) float64 array, within `most` if finite."""
     array = _as_floats(name, values)
     if array.ndim != 2 or array.shape[1] != n_columns:
         raise ValueError(f"{name} must have shape (n, {n_columns}), not {array.shape}")
-    if finite:
+    if finite and array.size and not (array.max() <= most and array.min() >= -most):
         check_finite(name, array)
+        check_within(name, array, most)
     return np.ascontiguousarray(array)
+
+
+def check_within(name: str, array: Floats, most: float = MOST_COORDINATE) -> None:
+    """Refuse finite numbers that are larger than `most`, and say where the first is."""
+    is_large = (np.abs(array) > most) & np.isfinite(array)
+    if is_large.any():
+        row = int(np.argmax(is_large.any(axis=1)))
+        raise ValueError(
+            f"{name} must be within {most:g} m, but row {row} is {array[row].tolist()}: float64 "
+            f"does not hold what is computed of it"
+        )
 
 
 def as_vector(name: str, values: ArrayLike, length: int) -> Floats:
@@ -67,7 +91,11 @@ def check_finite(name: str, array: Floats) -> None:
 def number(name: str, value: Any, *, low: float = -np.inf, above: float = -np.inf) -> float:
     """``value`` as a finite float that is at least ``low`` and greater than ``above``."""
     try:
+        if isinstance(value, str | bytes) or np.ndim(value):
+            raise TypeError
         result = float(value)
+    except OverflowError:
+        raise ValueError(f"{name} must be finite, not {value!r}") from None
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be a number, not {value!r}") from None
     if not np.isfinite(result):
@@ -79,12 +107,34 @@ def number(name: str, value: Any, *, low: float = -np.inf, above: float = -np.in
     return result
 
 
-def integer(name: str, value: Any, *, low: int) -> int:
-    """``value`` as an int that is at least ``low``."""
+def turn(name: str, value: Any) -> float:
+    """``value`` as a finite float, radians; more than a full turn warns: it may be degrees."""
+    result = number(name, value)
+    if abs(result) > 2.0 * np.pi:
+        warnings.warn(
+            f"{name} is {result:g} radians, more than a full turn; if degrees are meant, use "
+            f"numpy.radians",
+            stacklevel=3,
+        )
+    return result
+
+
+MOST_CORNERS = 10_000
+"""Corners of a polygon that may be asked for; a solid of them takes megabytes."""
+
+MOST_INTEGER = 2**62
+"""Largest whole number that a kernel gets; it has 64 bits for it, and for what it adds."""
+
+
+def integer(name: str, value: Any, *, low: int, high: int = MOST_INTEGER) -> int:
+    """``value`` as an int from ``low`` to ``high``; by default what fits in 64 bits."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise TypeError(f"{name} must be an integer, not {value!r}")
     if value < low:
         raise ValueError(f"{name} must be at least {low}, not {value!r}")
+    if value > high:
+        most = "2**62" if high == MOST_INTEGER else high
+        raise ValueError(f"{name} must be at most {most}, not {value!r}")
     return int(value)
 
 
@@ -100,6 +150,8 @@ def generator(rng: Any) -> np.random.Generator:
 
 def choice(name: str, value: str, choices: Sequence[str]) -> str:
     """``value`` when it is one of ``choices``."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name} must be one of {', '.join(map(repr, choices))}, not {value!r}")
     if value not in choices:
         raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, not {value!r}")
     return value
@@ -107,7 +159,7 @@ def choice(name: str, value: str, choices: Sequence[str]) -> str:
 
 def n_jobs_or_none(n_jobs: int | None) -> int | None:
     """The number of threads to ask for; -1 means as many as there are, which is the default."""
-    if n_jobs is None or n_jobs == -1:
+    if n_jobs is None or (isinstance(n_jobs, int) and n_jobs == -1):
         return None
     if integer("n_jobs", n_jobs, low=1) > MOST_JOBS:
         raise ValueError(f"n_jobs must be at most {MOST_JOBS}, not {n_jobs!r}")
@@ -135,7 +187,6 @@ def instance(name: str, value: Any, kind: type) -> None:
         raise TypeError(f"{name} must be {article} {kind.__name__}, not {type(value).__name__}")
 
 
-def frozen(array: NDArray[Any]) -> Any:
-    """The array, which nobody can write to any more."""
-    array.setflags(write=False)
-    return array
+def writable(array: NDArray[Any]) -> Any:
+    """The array, or a copy when it must not be written to, which other libraries do not take."""
+    return array if array.flags.writeable else array.copy()

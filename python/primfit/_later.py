@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar, overload
 
-from primfit._check import frozen
-
 T = TypeVar("T")
 
 
@@ -31,7 +29,7 @@ class Later(Generic[T]):
             return self._default[0]
         value = vars(instance)[self._name]
         if callable(value):
-            value = vars(instance)[self._name] = frozen(value())
+            value = vars(instance)[self._name] = value()
         return value
 
     def __set__(self, instance: object, value: T | Callable[[], T]) -> None:

@@ -1,5 +1,5 @@
 from collections.abc import Callable, Sequence
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,15 @@ __all__ = [
     "dbscan",
     "fit_plane",
     "fit_plane_to_ranges",
+    "format_rows",
+    "parse_rows",
     "passages",
+    "ply_bytes",
+    "ply_words",
     "residuals",
     "sample",
     "score_planes",
+    "thinnest",
     "turned",
 ]
 
@@ -118,6 +123,7 @@ class RayCaster:
         triangles: NDArray[np.int64],
         names: NDArray[np.int64] | None = None,
     ) -> RayCaster: ...
+    def mesh(self) -> tuple[NDArray[np.float64], NDArray[np.int64] | None]: ...
     def __len__(self) -> int: ...
     def cast(
         self,
@@ -205,6 +211,27 @@ def sample(
     generations: int,
     wanted: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float, float, float]: ...
+def format_rows(columns: Sequence[NDArray[Any]], separator: int) -> bytes: ...
+def parse_rows(
+    text: bytes,
+    start: int,
+    first_line: int,
+    n_columns: int,
+    columns: Sequence[int],
+    kind: str = "f",
+    separator: int | None = None,
+    has_remarks: bool = False,
+) -> NDArray[Any]: ...
+def ply_bytes(
+    content: bytes,
+    start: int,
+    n_rows: int,
+    properties: Sequence[tuple[str, str]],
+    is_big_endian: bool,
+) -> tuple[bytes, int]: ...
+def ply_words(
+    content: bytes, start: int, n_rows: int, properties: Sequence[tuple[str, str]]
+) -> tuple[NDArray[np.float64], int]: ...
 def score_planes(
     points: NDArray[np.float64],
     equations: NDArray[np.float64],
@@ -213,4 +240,5 @@ def score_planes(
     msac: bool = False,
     n_jobs: int | None = None,
 ) -> NDArray[np.float64]: ...
+def thinnest(points: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def turned(poses: NDArray[np.float64], beams: NDArray[np.float64]) -> NDArray[np.float64]: ...

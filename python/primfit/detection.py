@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import choice
+from primfit._check import Ints, choice
 from primfit.clouds.upright import uprightness
 from primfit.likelihood.detection import detect_likelihood
 from primfit.paper.detection import detect_paper
@@ -38,7 +38,8 @@ def detect(
     Parameters
     ----------
     scan : Scan, Cloud or (n, 3) float64, metres
-        The raw scan, floor returns included, or a bare cloud.
+        The raw scan, floor returns included, or a bare cloud. Rows without a point, as those of
+        depth cameras (see `Scan.from_points`), get label -1.
     method : str or None
         "likelihood": solids that explain all ranges, returned or not, which stands noise as large
         as the solids (see `detect_likelihood`); it asks where the beams began, and should know how
@@ -74,6 +75,11 @@ def detect(
     Detection(1 solid: square; an arena; 8 planes; sigma 0 mm)
     """
     recorded = _as_scan(scan)
+    rows = None
+    whole = recorded
+    if recorded.is_blank.any():
+        rows = np.flatnonzero(~recorded.is_blank)
+        recorded = recorded.select(rows)
     if method is None:
         method, reason = choose_method(recorded)
     else:
@@ -89,8 +95,20 @@ def detect(
                 f"(why this method: {reason})"
             )
     offset = recorded.far_offset
-    found = _METHODS[method](recorded.moved(-offset), rng, **options).moved(offset, recorded)
+    found = _METHODS[method](recorded.moved(-offset), rng, **options)
+    if rows is not None:
+        found = _of_rows(found, rows, len(whole))
+    found = found.moved(offset, whole)
     return replace(found, settings=found.settings | {"method_reason": reason})
+
+
+def _of_rows(found: Detection, rows: Ints, n: int) -> Detection:
+    """The detection in some rows of a scan as one in the scan of `n` rows."""
+    labels = np.full(n, -1, dtype=np.int64)
+    labels[rows] = found.labels
+    planes = tuple(replace(plane, inliers=rows[plane.inliers]) for plane in found.planes)
+    floor = found.floor and replace(found.floor, inliers=rows[found.floor.inliers])
+    return replace(found, labels=labels, planes=planes, floor=floor)
 
 
 def choose_method(scan: Scan | ArrayLike) -> tuple[str, str]:
@@ -120,6 +138,7 @@ def choose_method(scan: Scan | ArrayLike) -> tuple[str, str]:
     ('planes', 'a cloud not of upright walls alone')
     """
     recorded = _as_scan(scan)
+    recorded = recorded.select(~recorded.is_blank)
     if recorded.has_origins and recorded.max_range is not None:
         return "likelihood", "origins and reach of the beams are known"
     if recorded.has_origins and not recorded.is_return.all():

@@ -119,8 +119,8 @@ class Case:
                 world = read_paper_map(self.map_file)
             else:
                 world = paper_world(self.n_solids, rng, kinds=self.kinds)
-            path = paper_path(world, spacing)
-            return world, scan(built_of_walls(world), path, self._lidar(), rng=rng)
+            built = built_of_walls(world)
+            return world, scan(built, paper_path(built, spacing), self._lidar(), rng=rng)
         sizes = None if self.sides is None else {self.kinds[0]: self.sides}
         world = random_world(self.n_solids, self.size, self.kinds, rng, sizes=sizes)
         path = grid_path(world, 0.25 if self.n_solids[1] > 1 else 0.125, rng=rng)

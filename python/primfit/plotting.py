@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from primfit._check import Floats
+from primfit._files import replacing
 from primfit.geometry.shells import area_vectors
 from primfit.polyhedra.found import FoundPolyhedron
 from primfit.results import Detection, FoundSolid
@@ -167,7 +168,8 @@ def save_demo(file: Any, world: World, scan: Scan, found: Detection) -> None:
     plot_world(world, axes[0])
     plot_scan(scan, axes[1])
     plot_detection(found, world, axes[2])
-    figure.savefig(file, dpi=130)
+    with replacing(file) as part:
+        figure.savefig(part, dpi=130)
 
 
 def save_detection(file: Any, found: Detection) -> None:
@@ -179,7 +181,8 @@ def save_detection(file: Any, found: Detection) -> None:
     margin = 0.05 * (high - low).max()
     ax.set_xlim(low[0] - margin, high[0] + margin)
     ax.set_ylim(low[1] - margin, high[1] + margin)
-    figure.savefig(file, dpi=130)
+    with replacing(file) as part:
+        figure.savefig(part, dpi=130)
 
 
 def _thinned(rows: Any) -> Floats:

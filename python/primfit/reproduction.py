@@ -13,6 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from primfit._check import choice, generator, integer, number
+from primfit._files import replacing
 from primfit.detection import detect
 from primfit.evaluation import Report, evaluate
 from primfit.experiments import MAP_FILE, PREFACE, SETTINGS, TABLES, Case
@@ -255,7 +256,8 @@ def save_against_noise(file: Any, table: Table) -> None:
     for ax in (found, error):
         ax.set_xlabel("standard deviation of the ranges [mm]")
         ax.grid(alpha=0.3)
-    figure.savefig(file, dpi=130)
+    with replacing(file) as part:
+        figure.savefig(part, dpi=130)
 
 
 def _run(job: tuple[Case, int, float, bool]) -> dict[str, tuple[int, Report]]:

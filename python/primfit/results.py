@@ -6,12 +6,12 @@ import csv
 import json
 from dataclasses import dataclass, replace
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from primfit._check import Floats, Ints, frozen
+from primfit._check import Floats, Ints, writable
+from primfit._files import replacing
 from primfit.geometry.extrusions import prism_faces, prism_triangles, prism_vertices
 from primfit.geometry.footprints import area_centroid
 from primfit.planes.plane import Plane
@@ -68,7 +68,7 @@ class FoundSolid:
     tolerance_sigma: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "footprint", frozen(np.array(self.footprint)))
+        object.__setattr__(self, "footprint", np.array(self.footprint))
 
     @property
     def height(self) -> float:
@@ -163,7 +163,7 @@ class FoundArena:
     height: float = np.nan
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "footprint", frozen(np.array(self.footprint)))
+        object.__setattr__(self, "footprint", np.array(self.footprint))
 
     def moved(self, offset: Floats) -> FoundArena:
         """The arena moved by a vector (3,), metres."""
@@ -209,8 +209,8 @@ class Contradiction:
     shares: tuple[float, float]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "center", frozen(np.array(self.center)))
-        object.__setattr__(self, "footprint", frozen(np.array(self.footprint)))
+        object.__setattr__(self, "center", writable(np.array(self.center)))
+        object.__setattr__(self, "footprint", writable(np.array(self.footprint)))
 
     def moved(self, offset: Floats) -> Contradiction:
         """The place moved by a vector (3,), metres."""
@@ -266,6 +266,9 @@ class Detection:
     settings: dict[str, Any]
     shells: tuple[tuple[int, ...], ...] = ()
     contradictions: tuple[Contradiction, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "labels", writable(self.labels))
 
     def moved(self, offset: Floats, scan: Scan) -> Detection:
         """The detection moved by a vector (3,), metres, as that of another scan."""
@@ -332,7 +335,8 @@ class Detection:
         """The detection as JSON text, written to `file` too if given."""
         text = json.dumps(self.to_dict(), indent=1, allow_nan=False)
         if file is not None:
-            Path(file).write_text(text)
+            with replacing(file) as part:
+                part.write_text(text)
         return text
 
     def to_csv(self, file: str | PathLike[str]) -> None:
@@ -340,7 +344,7 @@ class Detection:
 
         The corners are those of the footprint, or all where there is none.
         """
-        with open(file, "w", newline="") as stream:
+        with replacing(file) as part, open(part, "w", newline="") as stream:
             table = csv.writer(stream)
             table.writerow(
                 [

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import Bools, Floats, Ints, frozen, number
+from primfit._check import MOST_INTEGER, Bools, Floats, Ints, integer, number
 
 FULL_IOU = 0.75
 PART_IOU = 0.2
@@ -175,6 +175,7 @@ def evaluate_segmentation(
     found, true = _as_labels("labels", labels), _as_labels("truth", truth)
     if found.shape != true.shape:
         raise ValueError(f"labels must have the shape of truth, {true.shape}, not {found.shape}")
+    unlabeled = integer("unlabeled", unlabeled, low=-MOST_INTEGER)
     min_iou = _share("min_iou", min_iou)
     part_iou = _share("part_iou", part_iou, most=min_iou)
     overlap = _share("overlap", overlap, above=0.5)
@@ -203,9 +204,9 @@ def evaluate_segmentation(
         **_relations(pairs, iou, min_iou, part_iou),
         **_instances(pairs, overlap),
         n_found=n_found,
-        labels=frozen(true_labels),
-        best=frozen(best),
-        best_iou=frozen(best_iou),
+        labels=true_labels,
+        best=best,
+        best_iou=best_iou,
     )
 
 

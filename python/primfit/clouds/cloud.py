@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from primfit._check import Floats, as_rows, frozen, integer
+from primfit._check import Floats, as_rows, integer
 
 Field = NDArray[Any]
 Columns = dict[str, Field]
@@ -33,6 +34,12 @@ _SYNONYMS = {
 }
 """Names in files, in small letters, for what is one thing."""
 
+_FEW = 1000
+"""Points that tell at once that coordinates are no whole numbers."""
+
+_KILOMETRE = 1000.0
+"""Metres; whole numbers beyond may be millimetres of a scene of a metre."""
+
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
@@ -42,7 +49,7 @@ class Cloud:
     ----------
     points : (n, 3) float64, metres
         NaN where a pixel or beam of an organised cloud has no point.
-    fields : mapping of str to (n,) or (n, 3) arrays
+    fields : mapping of str to (n,) or (n, k) arrays
         Numbers of any type, by name. Whatever the format, what is common has one name: "color"
         (n, 3), "normal" (n, 3), "origin" (n, 3) where the sensor was, "intensity", "label",
         "ring", "time". Others are named as in the file. Units are those of the file.
@@ -53,6 +60,12 @@ class Cloud:
     ------
     ValueError
         When shapes do not match, or a name has spaces or is "x", "y" or "z".
+    TypeError
+        When `fields` is no mapping, or a field is no array of numbers.
+
+    Notes
+    -----
+    The cloud has copies of what it was made of; its own arrays may be written to.
 
     Examples
     --------
@@ -70,8 +83,14 @@ class Cloud:
 
     def __post_init__(self) -> None:
         points = np.array(as_rows("points", self.points, 3, finite=False))
-        object.__setattr__(self, "points", frozen(points))
-        fields = {name: _as_field(name, each, len(points)) for name, each in self.fields.items()}
+        object.__setattr__(self, "points", points)
+        if not isinstance(self.fields, Mapping):
+            raise TypeError(
+                f"fields must be a mapping of names to arrays, not {type(self.fields).__name__}"
+            )
+        fields = {
+            name: _as_field(name, np.array(each), len(points)) for name, each in self.fields.items()
+        }
         object.__setattr__(self, "fields", MappingProxyType(fields))
         if self.shape is not None:
             try:
@@ -84,6 +103,9 @@ class Cloud:
                     f"shape must be that of {len(points)} points, not {shape[0]} x {shape[1]}"
                 )
             object.__setattr__(self, "shape", shape)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _made_of, (self.points, dict(self.fields), self.shape)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -104,23 +126,41 @@ class Cloud:
 def _as_field(name: str, values: ArrayLike, n: int) -> Field:
     if not isinstance(name, str) or not re.fullmatch(r"[^\s,;]+", name) or name in ("x", "y", "z"):
         raise ValueError(f"fields must have names without spaces, other than x y z, not {name!r}")
-    array = np.array(values)
+    array = np.asarray(values)
     if array.dtype.kind not in "biuf" or array.dtype.itemsize > 8:
         raise TypeError(f"fields[{name!r}] must be numbers of at most 64 bits, not {array.dtype}")
-    if array.shape not in ((n,), (n, 3)) or (name in _VECTORS and array.ndim == 1):
-        wanted = f"({n}, 3)" if name in _VECTORS else f"({n},) or ({n}, 3)"
+    fits = array.shape == (n, 3) or (
+        name not in _VECTORS and (array.shape == (n,) or (array.ndim == 2 and len(array) == n))
+    )
+    if not fits:
+        wanted = f"({n}, 3)" if name in _VECTORS else f"({n},) or ({n}, k)"
         raise ValueError(f"fields[{name!r}] must have shape {wanted}, not {array.shape}")
     native = np.float32 if array.dtype == np.float16 else array.dtype.newbyteorder("=")
-    return frozen(array.astype(native, copy=False))
+    return array.astype(native, copy=False)
+
+
+def _made_of(points: Floats, fields: Columns, shape: tuple[int, int] | None) -> Cloud:
+    """The cloud that takes over arrays which are right and nobody else's."""
+    cloud = object.__new__(Cloud)
+    for name, value in (("points", points), ("fields", MappingProxyType(fields)), ("shape", shape)):
+        object.__setattr__(cloud, name, value)
+    return cloud
 
 
 def columns_of(cloud: Cloud) -> Columns:
-    """The cloud as columns (n,): x, y, z, then one or three for each field; bool as uint8."""
+    """The cloud as columns (n,): x, y, z, then those of each field; bool as uint8.
+
+    A field of three is name_x, name_y, name_z; one of another width k is name_0 to name_k-1.
+    """
     columns = dict(zip("xyz", cloud.points.T, strict=True))
     for name, values in cloud.fields.items():
         numbers = values.astype(np.uint8) if values.dtype.kind == "b" else values
-        names = _VECTORS.get(name, tuple(f"{name}_{axis}" for axis in "xyz"))
-        parts = {name: numbers} if values.ndim == 1 else dict(zip(names, numbers.T, strict=True))
+        if values.ndim == 1:
+            parts = {name: numbers}
+        else:
+            marks = "xyz" if values.shape[1] == 3 else range(values.shape[1])
+            names = _VECTORS.get(name, tuple(f"{name}_{mark}" for mark in marks))
+            parts = dict(zip(names, numbers.T, strict=True))
         for column in parts.keys() & columns.keys():
             raise ValueError(f"fields has two that need a column named {column!r}")
         columns |= parts
@@ -136,8 +176,15 @@ def table_of(columns: Columns) -> NDArray[np.void]:
     return table
 
 
-def cloud_of(columns: Mapping[str, Field], shape: tuple[int, int] | None = None) -> Cloud:
-    """The cloud that columns as they are in files make.
+def cloud_of(
+    columns: Mapping[str, Field],
+    shape: tuple[int, int] | None = None,
+    *,
+    points: Floats | None = None,
+) -> Cloud:
+    """The cloud that columns (n,), or (n, k), as they are in files make; it may take them over.
+
+    Without `points` (n, 3), three columns are x, y and z.
 
     Raises
     ------
@@ -149,21 +196,47 @@ def cloud_of(columns: Mapping[str, Field], shape: tuple[int, int] | None = None)
         key = common_name(name)
         key = f"{key}_value" if key in _VECTORS else key
         fields[key if key not in fields else name] = values
-    missing = [axis for axis in "xyz" if axis not in fields]
-    if missing:
-        raise ValueError(f"it has no {', '.join(missing)}, only {', '.join(columns) or 'nothing'}")
-    points = np.stack([fields.pop(axis).astype(np.float64) for axis in "xyz"], axis=1)
-    triples = {name: parts for name, parts in _VECTORS.items() if parts[0] in fields}
-    for first in fields:
-        if first.endswith("_x") and len(first) > 2:
-            triples[first[:-2]] = (first, f"{first[:-1]}y", f"{first[:-1]}z")
-    for name, parts in triples.items():
+    if points is None:
+        missing = ", ".join(axis for axis in "xyz" if axis not in fields)
+        if missing:
+            raise ValueError(f"it has no {missing}, only {', '.join(columns) or 'nothing'}")
+        points = np.stack([fields.pop(axis) for axis in "xyz"], axis=1, dtype=np.float64)
+    for name, parts in _vectors(fields).items():
         if all(part in fields for part in parts) and name not in fields:
             fields[name] = np.stack([fields.pop(part) for part in parts], axis=1)
     color = fields.get("color")
     if color is not None and color.dtype.kind in "iu" and not np.any(color >> 8):
         fields["color"] = color.astype(np.uint8)
-    return Cloud(points, fields, shape)
+    return organised(points, fields, shape)
+
+
+def _vectors(fields: Columns) -> dict[str, Sequence[str]]:
+    """Names of the fields that columns of one number make, with the names of these columns."""
+    single = [name for name, values in fields.items() if values.ndim == 1]
+    vectors: dict[str, Sequence[str]] = {
+        name: parts for name, parts in _VECTORS.items() if parts[0] in single
+    }
+    for first in single:
+        if first.endswith("_x") and len(first) > 2:
+            vectors[first[:-2]] = [f"{first[:-1]}{axis}" for axis in "xyz"]
+        elif first.endswith("_0") and len(first) > 2 and f"{first[:-1]}1" in fields:
+            k = next(k for k in range(2, len(single) + 1) if f"{first[:-1]}{k}" not in fields)
+            vectors[first[:-2]] = [f"{first[:-1]}{i}" for i in range(k)]
+    return vectors
+
+
+def organised(points: Floats, fields: Columns, shape: tuple[int, int] | None) -> Cloud:
+    """The cloud of points and fields that a reader has made and nobody else has.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `Cloud` does.
+    """
+    own = {name: _as_field(name, values, len(points)) for name, values in fields.items()}
+    if shape is not None and shape[0] * shape[1] != len(points):
+        raise ValueError(f"its shape is {shape[0]} x {shape[1]}, of {len(points)} points")
+    return _made_of(points, own, shape)
 
 
 def common_name(name: str) -> str:
@@ -172,3 +245,19 @@ def common_name(name: str) -> str:
     known = _SYNONYMS.get(word.lower(), word.lower())
     common = {*"xyz", *_SYNONYMS.values(), "ring", "nx", "ny", "nz"}
     return known if known in common else word
+
+
+def warn_of_millimetres(points: Floats) -> None:
+    """Warn of coordinates that are whole numbers and large, as millimetres are."""
+    middle = 0.0
+    some = points[:_FEW]
+    if len(some) and np.array_equal(np.rint(some), some, equal_nan=True):
+        finite = points[np.isfinite(points).all(axis=1)]
+        if len(finite) and np.array_equal(np.rint(finite), finite):
+            middle = float(np.median(np.abs(finite).max(axis=1)))
+    if middle > _KILOMETRE:
+        warnings.warn(
+            f"points are whole numbers, half of them beyond {middle:g} m: if these are "
+            f"millimetres, divide them by 1000",
+            stacklevel=4,
+        )

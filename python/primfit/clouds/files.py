@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import Floats, Ints, instance
+from primfit._check import Floats, Ints, as_rows, instance
+from primfit._files import as_path, replacing
 from primfit.clouds.cloud import Cloud
-from primfit.clouds.formats import arrays, e57, las, pcd, ply, text
+from primfit.clouds.formats import arrays, e57, kitti, las, pcd, ply, ptx, text
 
-_FORMATS = {
+_FORMATS: dict[str, Any] = {
     ".ply": ply,
     ".pcd": pcd,
     ".las": las,
@@ -22,9 +24,16 @@ _FORMATS = {
     ".xyz": text,
     ".pts": text,
     ".txt": text,
+    ".asc": text,
+    ".csv": text,
+    ".ptx": ptx,
+    ".bin": kitti,
     ".npy": arrays,
     ".npz": arrays,
 }
+
+_TEXT = (text, ptx)
+"""Formats that may be in .gz too."""
 
 
 def read_cloud(file: str | PathLike[str], *, columns: Sequence[str] | None = None) -> Cloud:
@@ -36,13 +45,14 @@ def read_cloud(file: str | PathLike[str], *, columns: Sequence[str] | None = Non
     Parameters
     ----------
     file : path
-        .ply, .pcd (organised ones keep their shape), .las, .laz, .e57 (all its scans, in the frame
-        of the file), .xyz, .pts, .txt, .npy (n, 3), (h, w, 3) or with named columns, .npz with an
-        array "points", as that of a scan of primfit.
+        .ply, .pcd (organised ones keep their shape), .las, .laz, .e57 and .ptx (all scans, in the
+        frame of the file), .xyz, .asc, .txt, .csv, .pts, .bin (x y z intensity in float32, as
+        KITTI has them), .npy (n, 3), (h, w, 3) or with named columns, .npz with an array "points",
+        as that of a scan of primfit. Those of text also in .gz, such as .xyz.gz.
     columns : sequence of str or None
         Names of the columns of a text file, such as ("x", "y", "z", "label"). None takes them from
-        a line before the points; without one they are x, y, z, "column_4" and so on, and those of
-        .pts x, y, z, intensity, red, green, blue.
+        a line before the points, in any order; without one they are x, y, z, "column_4" and so on,
+        and those of .pts x, y, z, intensity, red, green, blue.
 
     Returns
     -------
@@ -54,7 +64,12 @@ def read_cloud(file: str | PathLike[str], *, columns: Sequence[str] | None = Non
         When there is no such file.
     ValueError
         When the format is not known, or the file is not readable as what its suffix says, such as
-        an empty or a truncated one.
+        an empty or a truncated one, or text whose first line is neither a point nor a title with
+        x, y and z.
+    PermissionError
+        When the file must not be read.
+    MemoryError
+        When the memory is too small for what the file holds.
     ModuleNotFoundError
         When the extra ``files`` is not installed.
 
@@ -66,20 +81,23 @@ def read_cloud(file: str | PathLike[str], *, columns: Sequence[str] | None = Non
     >>> primfit.read_cloud(file).fields["label"]
     array([7])
     """
-    path = Path(file)
+    path = as_path(file)
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
-    kind = _FORMATS[_suffix(path)]
+    suffix, kind = _format_of(path)
     if columns is not None and kind is not text:
-        raise ValueError(f"columns are for text files, not for {path.name!r}")
+        raise ValueError(f"columns are for text files with a point a line, not for {path.name!r}")
     try:
-        return text.read(path, columns) if kind is text else kind.read(path)
+        cloud: Cloud = text.read(path, columns) if kind is text else kind.read(path)
     except ModuleNotFoundError as error:
-        raise _missing(error, path) from None
-    except MemoryError:
+        raise _missing(error, suffix) from None
+    except PermissionError:
         raise
+    except MemoryError as error:
+        raise MemoryError(f"{path}: {_why(error)}") from None
     except Exception as error:  # each library has errors of its own
-        raise ValueError(f"{path} is not readable as {path.suffix}: {_why(error)}") from error
+        raise ValueError(f"{path} is not readable as {suffix}: {_why(error)}") from error
+    return cloud
 
 
 def read_points(file: str | PathLike[str]) -> Floats:
@@ -121,11 +139,14 @@ def write_cloud(file: str | PathLike[str], cloud: Cloud) -> None:
     Parameters
     ----------
     file : path
-        .ply, .pcd, .las, .laz, .e57, .xyz, .pts, .txt, .npy or .npz.
+        .ply, .pcd, .las, .laz, .e57, .xyz, .asc, .txt, .csv, .pts, .npy or .npz; those of text also
+        with .gz. It takes the place of an older one only when all is written.
     cloud : Cloud
 
     Raises
     ------
+    OSError
+        When there is no such folder, or no room.
     ValueError
         When the format is not known, or cannot keep what the cloud has: points that are not finite
         and an intensity with fractions in .las and .laz, whole numbers of more than 32 bits in
@@ -141,17 +162,20 @@ def write_cloud(file: str | PathLike[str], cloud: Cloud) -> None:
     >>> primfit.read_cloud(file)
     Cloud(1 point: color)
     """
-    path = Path(file)
-    kind = _FORMATS[_suffix(path)]
+    path = as_path(file)
+    suffix, kind = _format_of(path)
+    if not hasattr(kind, "write"):
+        raise ValueError(f"file must not end in {suffix}, which is only read: {path.name!r}")
     instance("cloud", cloud, Cloud)
-    try:
-        kind.write(path, cloud)
-    except ModuleNotFoundError as error:
-        raise _missing(error, path) from None
-    except (MemoryError, OSError):
-        raise
-    except Exception as error:  # each library has errors of its own
-        raise ValueError(f"{path} cannot hold {cloud!r}: {_why(error)}") from error
+    with replacing(path) as part:
+        try:
+            kind.write(part, cloud)
+        except ModuleNotFoundError as error:
+            raise _missing(error, suffix) from None
+        except (MemoryError, OSError):
+            raise
+        except Exception as error:  # each library has errors of its own
+            raise ValueError(f"{path} cannot hold {cloud!r}: {_why(error)}") from error
 
 
 def write_points(
@@ -174,32 +198,44 @@ def write_points(
     """
     fields = {}
     if colors is not None:
-        fields["color"] = np.asarray(colors).astype(np.uint8)
-        if not np.array_equal(fields["color"], colors):
+        points, given = as_rows("points", points, 3, finite=False), np.asarray(colors)
+        if given.dtype.kind not in "biuf":
+            raise TypeError(f"colors must be whole numbers from 0 to 255, not {given.dtype}")
+        with np.errstate(invalid="ignore"):
+            fields["color"] = given.astype(np.uint8)
+        if given.shape != points.shape:
+            raise ValueError(f"colors must have a row of three for each point, not {given.shape}")
+        if not np.array_equal(fields["color"], given):
             raise ValueError("colors must be whole numbers from 0 to 255")
     write_cloud(file, Cloud(points, fields))  # type: ignore[arg-type]
 
 
 def write_mesh(file: str | PathLike[str], vertices: Floats, triangles: Ints) -> None:
     """Write a triangle mesh in the format of the suffix: .ply, .obj or .stl."""
-    path = Path(file)
-    if path.suffix.lower() not in (".ply", ".obj", ".stl"):
-        raise ValueError(f"file must end in .ply, .obj or .stl, not {path.name!r}")
-    if path.suffix.lower() == ".ply":
-        ply.write(path, Cloud(vertices), triangles)
-        return
-    try:
-        import trimesh
-    except ModuleNotFoundError as error:
-        raise _missing(error, path) from None
-    trimesh.Trimesh(vertices, triangles, process=False).export(path)
-
-
-def _suffix(path: Path) -> str:
+    path = as_path(file)
     suffix = path.suffix.lower()
+    if suffix not in (".ply", ".obj", ".stl"):
+        raise ValueError(f"file must end in .ply, .obj or .stl, not {path.name!r}")
+    with replacing(path) as part:
+        if suffix == ".ply":
+            ply.write(part, Cloud(vertices), triangles)
+            return
+        try:
+            import trimesh
+        except ModuleNotFoundError as error:
+            raise _missing(error, suffix) from None
+        trimesh.Trimesh(vertices, triangles, process=False).export(part)
+
+
+def _format_of(path: Path) -> tuple[str, Any]:
+    """The suffix of a file, and the module for it."""
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    suffix = suffixes[-1] if suffixes else ""
+    if suffix == ".gz" and len(suffixes) > 1 and _FORMATS.get(suffixes[-2]) in _TEXT:
+        return f"{suffixes[-2]}.gz", _FORMATS[suffixes[-2]]
     if suffix not in _FORMATS:
         raise ValueError(f"file must end in one of {', '.join(_FORMATS)}, not {path.name!r}")
-    return suffix
+    return suffix, _FORMATS[suffix]
 
 
 def _why(error: Exception) -> str:
@@ -207,7 +243,7 @@ def _why(error: Exception) -> str:
     return next(iter(str(error).splitlines()), type(error).__name__)
 
 
-def _missing(error: ModuleNotFoundError, path: Path) -> ModuleNotFoundError:
+def _missing(error: ModuleNotFoundError, suffix: str) -> ModuleNotFoundError:
     return ModuleNotFoundError(
-        f"{path.suffix} files need {error.name}: install it with pip install 'primfit[files]'"
+        f"{suffix} files need {error.name}: install it with pip install 'primfit[files]'"
     )

@@ -18,3 +18,10 @@ def extent(points: Floats) -> float:
     """Longest side of the box around some points (n, k)."""
     low, high = bounds(points)
     return float((high - low).max())
+
+
+def half_extent(points: Floats, middle: Floats) -> float:
+    """How far half of the points (n, k) are from their middle, along the axis of the farthest."""
+    return max(
+        float(np.median(np.abs(column - at))) for column, at in zip(points.T, middle, strict=True)
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from primfit._check import Floats, Ints, frozen
+from primfit._check import Floats, Ints
 from primfit.geometry.footprints import wrap
 from primfit.geometry.outlines import free_polygon
 from primfit.likelihood.fitting import Fit
@@ -95,7 +95,7 @@ def to_detection(
         scan=scan,
         method="likelihood",
         planes=tuple(planes),
-        labels=frozen(labels),
+        labels=labels,
         solids=tuple(solids),
         arena=arena,
         floor=floor,
@@ -118,12 +118,12 @@ def _plane(
     along = boundary - boundary.mean(axis=0)
     area = 0.5 * float(np.abs(np.cross(along, np.roll(along, -1, axis=0)).sum(axis=0)).max())
     return Plane(
-        equation=frozen(equation),
-        inliers=frozen(rows),
-        boundary=frozen(boundary),
+        equation=equation,
+        inliers=rows,
+        boundary=boundary,
         area=area,
         rms=float(np.sqrt(np.mean(residual**2))),
-        covariance=frozen(covariance),
+        covariance=covariance,
     )
 
 

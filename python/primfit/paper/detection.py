@@ -6,7 +6,7 @@ not work, a repair is the default and its own rule an option of `PaperSettings`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -104,6 +104,11 @@ class PaperSettings:
         integer("min_points", self.min_points, low=3)
         integer("max_trials", self.max_trials, low=1)
         number("side_tolerance", self.side_tolerance, low=0.0)
+        if not (isinstance(self.z_low, float) and self.z_low == -np.inf):
+            number("z_low", self.z_low)
+        for field in fields(self):
+            if isinstance(field.default, bool):
+                instance(field.name, getattr(self, field.name), bool)
 
     @classmethod
     def literal(cls, **changes: Any) -> PaperSettings:

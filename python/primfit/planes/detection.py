@@ -10,8 +10,11 @@ import shapely
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
-from primfit._check import Bools, Floats, Ints, frozen, generator, integer, n_jobs_or_none, number
+from primfit import _primfit
+from primfit._check import Bools, Floats, Ints, generator, integer, n_jobs_or_none, number
+from primfit.clouds.cloud import Cloud
 from primfit.clouds.noise import FLOOR
+from primfit.geometry.products import dot, dots, product
 from primfit.planes.outlines import outline
 from primfit.planes.plane import Plane, Planes, axes_of
 from primfit.planes.ransac import NoisyPoints, Orientation, PlaneModel, fit
@@ -79,7 +82,8 @@ def detect_planes(
     Raises
     ------
     ValueError
-        When points are not finite, or fewer than a plane needs.
+        When points are fewer than a plane needs, or farther than float64 can compute with. Rows
+        that are no points (see `Scan.from_points`) get label -1.
 
     Examples
     --------
@@ -95,8 +99,10 @@ def detect_planes(
         scan = points
     else:
         # Nobody sees the scan, so it need not own its points.
-        cloud = np.asarray(points).view()
-        cloud.setflags(write=False)
+        cloud = points
+        if not isinstance(points, Cloud):
+            cloud = np.asarray(points).view()
+            cloud.setflags(write=False)
         scan = Scan.from_points(cloud, origins, sigma)
     generator(rng)
     offset = scan.far_offset
@@ -153,7 +159,7 @@ def detect_planes(
         "stride": parts.stride,
         "min_points": least,
     }
-    return Planes(tuple(planes), frozen(labels), used, frozen(np.array(thresholds)), settings)
+    return Planes(tuple(planes), labels, used, np.array(thresholds), settings)
 
 
 def _members(labels: Ints) -> list[Ints]:
@@ -176,12 +182,14 @@ def _fit_part(
     """The wanted plane through a part, which of its points are near, and how near that is."""
     middle = points.mean(axis=0)
     local = points - middle
-    normal = np.linalg.eigh(local.T @ local)[1][:, 0]
-    rms = float(np.sqrt(np.mean((local @ normal) ** 2)))
+    normal = _primfit.thinnest(local)
+    rms = float(np.sqrt(np.mean(dots(local, normal) ** 2)))
     spread = max(rms, float(np.median(sigma)), FLOOR * float(np.abs(local).max()), 1e-100)
-    facing = normal[np.abs(normal).argmax()] if directions is None else -(directions @ normal).sum()
+    facing = (
+        normal[np.abs(normal).argmax()] if directions is None else -dots(directions, normal).sum()
+    )
     normal = np.copysign(1.0, facing) * normal
-    start = np.append(normal, -normal @ middle)
+    start = np.append(normal, -dot(normal, middle))
     each = np.full(len(points), spread)
     reach = _REACH * spread if limit is None else limit
     cloud = NoisyPoints(points, directions, each, np.full(len(points), reach))
@@ -192,7 +200,7 @@ def _fit_part(
         model = fit(cloud, start, wanted)
     if model is None:
         return None
-    distance = points @ model.equation[:3] + model.equation[3]
+    distance = dots(points, model.equation[:3]) + model.equation[3]
     if np.sqrt(np.mean(distance**2)) > _WORSE * spread:
         return None
     return model, np.abs(distance) <= reach, reach
@@ -202,21 +210,22 @@ def _plane_of(model: PlaneModel, points: Floats, inliers: Ints) -> Plane:
     equation = model.equation
     axes = axes_of(equation[:3])
     place = points.mean(axis=0)
-    place = place - (equation[:3] @ place + equation[3]) * equation[:3]
+    place = place - (dot(equation[:3], place) + equation[3]) * equation[:3]
+    local = points - place
     # Each axis by itself, which is faster to go through.
-    at = (axes @ (points - place).T).T
+    at = np.stack([dots(local, axis) for axis in axes]).T
     shape = shapely.geometry.polygon.orient(outline(at))
     middle = at.mean(axis=0)
     rings = [
-        frozen(place + (shapely.get_coordinates(ring)[:-1] + middle) @ axes)
+        place + product(shapely.get_coordinates(ring)[:-1] + middle, axes)
         for ring in ((shape.exterior, *shape.interiors) if not shape.is_empty else ())
     ]
     return Plane(
-        equation=frozen(equation),
-        inliers=frozen(inliers),
-        boundary=rings[0] if rings else frozen(np.empty((0, 3))),
+        equation=equation,
+        inliers=inliers,
+        boundary=rings[0] if rings else np.empty((0, 3)),
         area=float(shape.area),
         rms=model.rms,
-        covariance=frozen(model.covariance),
+        covariance=model.covariance,
         holes=tuple(rings[1:]),
     )

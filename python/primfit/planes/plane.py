@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,8 @@ import numpy as np
 import shapely
 from scipy.spatial import ConvexHull, QhullError
 
-from primfit._check import Floats, Ints, frozen
+from primfit._check import Floats, Ints, writable
+from primfit.geometry.products import product
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +48,10 @@ class Plane:
     covariance: Floats
     holes: tuple[Floats, ...] = ()
 
+    def __post_init__(self) -> None:
+        for name in ("equation", "inliers", "boundary", "covariance"):
+            object.__setattr__(self, name, writable(getattr(self, name)))
+
     @property
     def center(self) -> Floats:
         """Mean of the boundary's corners (3,), metres."""
@@ -71,10 +76,10 @@ class Plane:
         shift[3, :3] = -offset
         return replace(
             self,
-            equation=frozen(shift @ self.equation),
-            boundary=frozen(self.boundary + offset),
-            covariance=frozen(shift @ self.covariance @ shift.T),
-            holes=tuple(frozen(hole + offset) for hole in self.holes),
+            equation=product(shift, self.equation[:, None])[:, 0],
+            boundary=self.boundary + offset,
+            covariance=product(product(shift, self.covariance), shift.T),
+            holes=tuple(hole + offset for hole in self.holes),
         )
 
     def __repr__(self) -> str:
@@ -131,6 +136,32 @@ class Planes:
             f"Planes({len(self)} planes, {share:.0%} of {len(self.labels)} points, "
             f"sigma {self.sigma * 1000:.3g} mm)"
         )
+
+
+def planes_of(planes: Iterable[Plane], n_points: int) -> tuple[Plane, ...]:
+    """The argument `planes`, when each is a plane of a cloud of so many points.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When one is none, or its inliers are no rows of the cloud.
+    """
+    try:
+        chosen = tuple(planes)
+    except TypeError:
+        raise TypeError(
+            f"planes must be an iterable of Plane, not {type(planes).__name__}"
+        ) from None
+    for i, plane in enumerate(chosen):
+        if not isinstance(plane, Plane):
+            raise TypeError(f"planes[{i}] must be a Plane, not {type(plane).__name__}")
+        rows = plane.inliers
+        if len(rows) and not (rows.min() >= 0 and rows.max() < n_points):
+            raise ValueError(
+                f"planes[{i}] must be of points, but has row {rows.max()} of {n_points} among its "
+                f"inliers: it may be of another cloud"
+            )
+    return chosen
 
 
 def axes_of(normal: Floats) -> Floats:

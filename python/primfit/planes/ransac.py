@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,8 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit import _primfit
-from primfit._check import Bools, Floats, Ints, as_vector, number
+from primfit._check import Bools, Floats, Ints, as_vector, number, turn
 from primfit.clouds.clustering import dbscan
+from primfit.geometry.products import dot, dots
+from primfit.planes.plane import axes_of
 
 _Z = np.array([0.0, 0.0, 1.0])
 _MAX_REFITS = 12
@@ -59,6 +62,7 @@ class Orientation:
         if isinstance(orientation, Orientation):
             return orientation
         off = 0.0 if max_angle is None else number("max_angle", max_angle, low=0.0)
+        turn("max_angle", off)
         if isinstance(orientation, str):
             names = {
                 "vertical": cls(_Z, np.pi / 2 - off, np.pi / 2),
@@ -74,7 +78,7 @@ class Orientation:
         axis = as_vector("orientation", orientation, 3)
         if not axis.any():
             raise ValueError("orientation must not be a zero axis")
-        return cls(axis / np.linalg.norm(axis), 0.0, off)
+        return cls(axis / math.sqrt(dot(axis, axis)), 0.0, off)
 
     @property
     def is_upright(self) -> bool:
@@ -86,12 +90,11 @@ class Orientation:
         """Orthonormal rows that span the normals: 1 for a given one, 2 for planes along an axis."""
         if self.high == 0.0:
             return self.axis[None]
-        across = np.linalg.svd(self.axis[None])[2][1:]
-        return across if self.low == np.pi / 2 else np.eye(3)
+        return axes_of(self.axis) if self.low == np.pi / 2 else np.eye(3)
 
     def admits(self, normals: ArrayLike) -> Bools:
         """Which of the unit normals (k, 3) are wanted."""
-        cosine = np.abs(np.asarray(normals) @ self.axis)
+        cosine = np.abs((np.asarray(normals) * self.axis).sum(axis=-1))
         # Rounding must not refuse a plane of exactly the wanted direction.
         return (cosine >= np.cos(self.high) - 1e-12) & (cosine <= np.cos(self.low) + 1e-12)
 
@@ -259,7 +262,7 @@ def fit(cloud: NoisyPoints, equation: Floats, orientation: Orientation) -> Plane
     """
     space = orientation.normal_space
     if cloud.directions is not None:
-        steep = np.abs(cloud.directions @ equation[:3]) > _GRAZING
+        steep = np.abs(dots(cloud.directions, equation[:3])) > _GRAZING
         if 2 * steep.sum() > len(cloud):
             cloud = cloud.take(np.flatnonzero(steep))
     if cloud.directions is None:
@@ -271,7 +274,7 @@ def fit(cloud: NoisyPoints, equation: Floats, orientation: Orientation) -> Plane
     if fitted is None or not orientation.admits(fitted[0][:3]):
         return None
     model, covariance, rms = fitted
-    model = np.copysign(1.0, model[:3] @ equation[:3]) * model
+    model = np.copysign(1.0, dot(model[:3], equation[:3])) * model
     if 2 * np.isfinite(cloud.residuals(model)).sum() < len(cloud):
         return None
     return PlaneModel(model, covariance, rms)

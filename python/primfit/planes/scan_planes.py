@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from primfit._check import Ints, frozen, number
+from primfit._check import Ints, number
 from primfit.clouds.noise import FLOOR, estimate_sigma
 from primfit.geometry.extents import extent
 from primfit.planes.peeling import Patch, Peeling, find_planes
@@ -101,15 +101,15 @@ def bounded(
         boundary = at[corners] @ patch.axes - equation[3] * equation[:3]
         planes.append(
             Plane(
-                equation=frozen(equation),
-                inliers=frozen(rows[own]),
-                boundary=frozen(boundary),
+                equation=equation,
+                inliers=rows[own],
+                boundary=boundary,
                 area=area,
                 rms=patch.model.rms,
-                covariance=frozen(patch.model.covariance),
+                covariance=patch.model.covariance,
             )
         )
-    return tuple(planes), frozen(labels)
+    return tuple(planes), labels
 
 
 def find_floor(cloud: NoisyPoints, rows: Ints, rng: np.random.Generator) -> Plane | None:

@@ -66,7 +66,9 @@ def _flat_parts(points: Floats, sigma: Floats | None, n_jobs: int | None) -> Fla
     """The same for points without copies."""
     if len(points) < _FEWEST:
         return FlatParts(np.full(len(points), -1), np.zeros(len(points)), 0, 1)
-    tree = _primfit.PointTree(points - points.mean(axis=0), n_jobs)
+    # A point far away would draw their mean along.
+    middle = np.array([np.median(column) for column in points.T])
+    tree = _primfit.PointTree(points - middle, n_jobs)
     given = None if sigma is None else np.ascontiguousarray(sigma[tree.order()])
     sorted_labels, sorted_noise, n_neighbors, stride = tree.segment(given, n_jobs)
     order = tree.order()

@@ -8,8 +8,8 @@ import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import as_rows, frozen
-from primfit.planes.plane import Plane
+from primfit._check import as_rows, check_within, instance
+from primfit.planes.plane import Plane, planes_of
 from primfit.polyhedra.adjacency import OPEN, Face, meet
 from primfit.polyhedra.boxes import boxes_among
 from primfit.polyhedra.closing import closed_solid
@@ -52,6 +52,11 @@ def find_polyhedra(
     -------
     Polyhedra
 
+    Raises
+    ------
+    TypeError, ValueError
+        When `planes` are none, or not of `points`.
+
     Examples
     --------
     >>> import numpy as np, primfit
@@ -63,10 +68,13 @@ def find_polyhedra(
     'rectangle'
     """
     cloud = as_rows("points", points, 3, finite=False)
+    check_within("points", cloud)
+    chosen = planes_of(planes, len(cloud))
+    instance("facing", facing, bool)
     finite = np.isfinite(cloud).all(axis=1)
-    place = cloud[finite].mean(axis=0) if finite.any() else np.zeros(3)
+    place = np.median(cloud[finite], axis=0) if finite.any() else np.zeros(3)
     local = cloud - place
-    faces = [Face.of(plane.moved(-place), local) for plane in planes]
+    faces = [Face.of(plane.moved(-place), local) for plane in chosen]
     edges = meet(faces)
     graph = nx.Graph(edges)
     solids, shells = [], []
@@ -81,6 +89,4 @@ def find_polyhedra(
         solids += [each.moved(place) for each in found]
         rest = graph.subgraph(set(group).difference(*(each.planes for each in found)))
         shells += [tuple(sorted(each)) for each in nx.connected_components(rest) if len(each) > 1]
-    return Polyhedra(
-        tuple(solids), tuple(shells), frozen(np.array(edges, dtype=int).reshape(-1, 2))
-    )
+    return Polyhedra(tuple(solids), tuple(shells), np.array(edges, dtype=int).reshape(-1, 2))

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from primfit._check import Floats, Ints, as_rows, frozen
-from primfit.planes.plane import Plane
+from primfit._check import Floats, Ints, as_rows, check_within
+from primfit.planes.plane import Plane, planes_of
 from primfit.worlds.polyhedron import Polyhedron
 
 _STRIPS = 24
@@ -94,13 +94,19 @@ def fit_box(planes: Iterable[Plane], points: ArrayLike) -> BoxFit:
     >>> np.round(fit.box.vertices.max(axis=0), 1).tolist(), sum(fit.observed)
     ([3.0, 2.0, 1.0], 3)
     """
-    chosen = tuple(planes)
+    cloud = as_rows("points", points, 3, finite=False)
+    check_within("points", cloud)
+    chosen = planes_of(planes, len(cloud))
     if not 2 <= len(chosen) <= 6:
         raise ValueError(f"planes must be 2 to 6, the faces of a box, not {len(chosen)}")
-    cloud = as_rows("points", points, 3, finite=False)
     normals = np.array([plane.equation[:3] for plane in chosen])
     clouds = [cloud[plane.inliers] for plane in chosen]
-    frame, faces, ends = box_through(normals, clouds)
+    if not all(np.isfinite(own).all() for own in clouds):
+        raise ValueError("points must be finite where planes have their inliers")
+    try:
+        frame, faces, ends = box_through(normals, clouds)
+    except np.linalg.LinAlgError as error:
+        raise ValueError(f"planes and points tell no box: {error}") from None
     axes = faces // 2
     squares = [
         (own @ frame[axis] - end) ** 2
@@ -116,11 +122,9 @@ def fit_box(planes: Iterable[Plane], points: ArrayLike) -> BoxFit:
         box=box,
         faces=tuple(faces.tolist()),
         rms=float(np.sqrt(np.concatenate(squares).mean())),
-        face_rms=frozen(np.sqrt([each.mean() for each in squares])),
-        tilts=frozen(
-            np.arccos(np.clip(np.abs(np.einsum("ki,ki->k", normals, frame[axes])), 0.0, 1.0))
-        ),
-        angles=frozen(np.where(axes[:, None] == axes, np.nan, np.arccos(cosines))),
+        face_rms=np.sqrt([each.mean() for each in squares]),
+        tilts=np.arccos(np.clip(np.abs(np.einsum("ki,ki->k", normals, frame[axes])), 0.0, 1.0)),
+        angles=np.where(axes[:, None] == axes, np.nan, np.arccos(cosines)),
         observed=tuple(face in faces for face in range(6)),
     )
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from primfit._check import Floats, Ints, frozen
+from primfit._check import Floats, Ints
 from primfit.geometry import footprints
 from primfit.geometry.faces import FlatFaced, triangles_of
 
@@ -75,8 +75,8 @@ class FoundPolyhedron(FlatFaced):
 
     def moved(self, offset: Floats) -> FoundPolyhedron:
         """The solid moved by a vector (3,), metres."""
-        footprint = None if self.footprint is None else frozen(self.footprint + offset[:2])
-        return replace(self, vertices=frozen(self.vertices + offset), footprint=footprint)
+        footprint = None if self.footprint is None else self.footprint + offset[:2]
+        return replace(self, vertices=self.vertices + offset, footprint=footprint)
 
     def to_dict(self) -> dict[str, Any]:
         """The solid as plain numbers, for JSON."""

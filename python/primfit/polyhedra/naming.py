@@ -7,7 +7,7 @@ from itertools import chain
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from primfit._check import Floats, frozen
+from primfit._check import Floats
 from primfit.geometry.shapes import Shape, shape_of
 from primfit.polyhedra.found import EQUAL, FoundPolyhedron
 from primfit.worlds.polyhedron import Polyhedron
@@ -40,7 +40,7 @@ def found_solid(
         size=shape.size,
         quat_xyzw=Rotation.from_matrix(shape.rotations[0]).as_quat(canonical=True),
         footprint=shape.footprint,
-        covariance=frozen(covariance),
+        covariance=covariance,
     )
 
 

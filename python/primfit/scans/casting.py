@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,6 +71,9 @@ class RayCaster:
         self._core = _primfit.RayCaster(
             np.ascontiguousarray(corners), np.ascontiguousarray(rows), names
         )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _caster_of, self._core.mesh()
 
     def cast(
         self,
@@ -178,9 +181,16 @@ class RayCaster:
         return f"RayCaster({len(self._core)} triangles)"
 
 
+def _caster_of(corners: Floats, names: Ints | None) -> RayCaster:
+    """The caster of triangles whose corners (3t, 3) follow each other, and of their names."""
+    caster = object.__new__(RayCaster)
+    caster._core = _primfit.RayCaster(corners, np.arange(len(corners)).reshape(-1, 3), names)
+    return caster
+
+
 def unit_rows(name: str, values: ArrayLike) -> Floats:
     """``values`` as (n, 3) unit vectors; a zero vector is an error."""
-    vectors = as_rows(name, values, 3)
+    vectors = as_rows(name, values, 3, most=np.inf)
     # Scaled first: squares of very long or short vectors leave the range of float64.
     vectors = vectors / _largest_components(name, vectors)
     norms = np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field, fields
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import Floats, as_vector, frozen, integer, number
+from primfit._check import Floats, as_vector, integer, number
 
 E_PUCK_TURRET = (-0.0095, 0.0, 0.0486)
 """Turret slot of the e-puck in the robot's frame, metres (Webots R2022b documentation)."""
+
+_MOST_BEAMS = 100_000
+"""Layers, or columns, of a sensor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +80,7 @@ class Lidar:
     def __post_init__(self) -> None:
         set_field = object.__setattr__
         for name in ("number_of_layers", "horizontal_resolution"):
-            set_field(self, name, integer(name, getattr(self, name), low=1))
+            set_field(self, name, integer(name, getattr(self, name), low=1, high=_MOST_BEAMS))
         vertical = number("vertical_field_of_view", self.vertical_field_of_view, low=0.0)
         horizontal = number("field_of_view", self.field_of_view, above=0.0)
         if vertical >= np.pi:
@@ -112,7 +114,7 @@ class Lidar:
             )
         set_field(self, "noise", noise)
         set_field(self, "resolution", resolution)
-        set_field(self, "mount", frozen(_as_transform(self.mount)))
+        set_field(self, "mount", _as_transform(self.mount))
         if self.number_of_layers > 1:
             most = vertical * self.horizontal_resolution / horizontal
             if self.number_of_layers >= most:
@@ -185,7 +187,7 @@ class Lidar:
         }
         return cls(**(sheet | changes))
 
-    @cached_property
+    @property
     def directions(self) -> Floats:
         """Unit directions (layers, columns, 3) in the sensor's frame: x forward, y left, z up."""
         n = self.horizontal_resolution
@@ -193,15 +195,13 @@ class Lidar:
         half = self.vertical_field_of_view / 2
         layers = self.number_of_layers
         elevation = np.linspace(half, -half, layers)[:, None] if layers > 1 else np.zeros((1, 1))
-        return frozen(
-            np.stack(
-                [
-                    np.cos(elevation) * np.cos(azimuth),
-                    np.cos(elevation) * np.sin(azimuth),
-                    np.broadcast_to(np.sin(elevation), (layers, n)),
-                ],
-                axis=-1,
-            )
+        return np.stack(
+            [
+                np.cos(elevation) * np.cos(azimuth),
+                np.cos(elevation) * np.sin(azimuth),
+                np.broadcast_to(np.sin(elevation), (layers, n)),
+            ],
+            axis=-1,
         )
 
     @property
@@ -225,7 +225,10 @@ def _as_transform(mount: Any) -> Floats:
 
 def check_transforms(name: str, transforms: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """``transforms`` as finite float64 rigid transforms (..., 4, 4)."""
-    array = np.asarray(transforms, dtype=np.float64)
+    try:
+        array = np.asarray(transforms, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} must be an array of numbers: {error}") from None
     if array.shape[-2:] != (4, 4):
         raise ValueError(f"{name} must be rigid transforms (..., 4, 4), not shape {shape}")
     rotation = array[..., :3, :3]

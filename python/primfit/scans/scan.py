@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
@@ -11,9 +10,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import Bools, Floats, Ints, as_column, as_rows, check_finite, frozen, number
+from primfit._check import (
+    MOST_COORDINATE,
+    Bools,
+    Floats,
+    Ints,
+    as_column,
+    as_rows,
+    check_finite,
+    check_within,
+    number,
+)
 from primfit._later import Later
-from primfit.geometry.extents import extent
+from primfit.clouds.cloud import Cloud, warn_of_millimetres
+from primfit.geometry.extents import half_extent
+from primfit.scans.archives import load_arrays, save_arrays
 from primfit.scans.casting import unit_rows
 
 if TYPE_CHECKING:
@@ -22,6 +33,10 @@ if TYPE_CHECKING:
 _ARRAYS = ("points", "origins", "directions", "ranges")
 _INDICES = ("layer", "column", "pose_index", "solid_index")
 _NUMBERS = ("sigma", "min_range", "max_range")
+
+_FAR = 400.0
+"""How many times farther points are from the origin than half of them from their middle, when they
+are moved there: nearly three digits of the sixteen of float64 go to the place."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,6 +64,11 @@ class Scan:
         Standard deviation of the ranges; 0 is exact, None is not known.
     min_range, max_range : float or None, metres
         Nearer than the first, and beyond the second, the sensor gets no return; None is not known.
+
+    Notes
+    -----
+    The arrays are the scan's own, or shared with scans that were made of it. They may be written
+    to, as other libraries ask, but what was derived from them does not change with them.
     """
 
     points: Floats
@@ -66,13 +86,8 @@ class Scan:
     def __post_init__(self) -> None:
         for name in (*_ARRAYS, *_INDICES):
             array = vars(self)[name]
-            # What nobody can write to need not be copied.
-            if callable(array) or array is None:
-                continue
-            if not isinstance(array, np.ndarray) or array.flags.writeable:
-                object.__setattr__(self, name, frozen(np.array(array)))
-        if isinstance(self.sigma, np.ndarray):
-            object.__setattr__(self, "sigma", frozen(np.array(self.sigma)))
+            if not callable(array) and array is not None:
+                object.__setattr__(self, name, np.asarray(array))
 
     @classmethod
     def from_rays(
@@ -120,7 +135,7 @@ class Scan:
         """
         unit = unit_rows("directions", directions)
         n = len(unit)
-        starts = one_or_each("origins", origins, n)
+        starts = np.array(one_or_each("origins", origins, n))
         lengths = np.array(as_column("ranges", ranges, n))
         if np.ndim(ranges) == 0 and n != 1:
             raise ValueError(f"ranges must have shape ({n},), not ()")
@@ -131,6 +146,12 @@ class Scan:
                 f"or minus infinity (the first is row {int(np.argmax(bad))})"
             )
         is_return = np.isfinite(lengths)
+        if (np.abs(lengths[is_return]) > MOST_COORDINATE).any():
+            row = int(np.argmax(is_return & (np.abs(lengths) > MOST_COORDINATE)))
+            raise ValueError(
+                f"ranges must be within {MOST_COORDINATE:g} m, or inf for no return, but row {row} "
+                f"is {lengths[row]}"
+            )
         points = np.full((n, 3), np.nan)
         points[is_return] = starts[is_return] + lengths[is_return, None] * unit[is_return]
         nearest, farthest = range_limits(min_range, max_range)
@@ -162,7 +183,9 @@ class Scan:
 
         Parameters
         ----------
-        points : (n, 3) float64, metres
+        points : (n, 3) float64, metres, or Cloud
+            Rows that are not finite are no returns. Nor are those of exactly 0 0 0 of an organised
+            cloud, and of one with a single origin: so do sensors write that nothing came back.
         origins : (n, 3), (3,) or None, metres
             Where the sensor was, for each point or for all; None is not known.
         sigma : float or (n,) or None, metres
@@ -173,8 +196,8 @@ class Scan:
         Raises
         ------
         ValueError
-            When shapes do not match, points are not finite, a point is at its origin, or
-            `min_range` is not below `max_range`.
+            When shapes do not match, a point is at its origin or farther than float64 can
+            compute with, or `min_range` is not below `max_range`.
 
         Examples
         --------
@@ -182,8 +205,19 @@ class Scan:
         >>> primfit.Scan.from_points([[1, 0, 0], [2, 0, 0]], origins=(0, 0, 0)).ranges
         array([1., 2.])
         """
-        cloud = as_rows("points", points, 3)
+        cloud = as_rows("points", points, 3, finite=False)
+        is_point = np.asarray(np.isfinite(cloud).all(axis=1))
+        has_pixels = isinstance(points, Cloud) and points.shape is not None
+        if has_pixels or (origins is not None and np.shape(origins) == (3,)):
+            is_point &= cloud.any(axis=1)
         n = len(cloud)
+        if not is_point.all():
+            cloud = np.where(is_point[:, None], cloud, np.nan)
+        elif cloud.flags.writeable:
+            # What nobody can write to need not be copied.
+            cloud = np.array(cloud)
+        check_within("points", cloud)
+        warn_of_millimetres(cloud)
         nearest, farthest = range_limits(min_range, max_range)
         if origins is None:
             unknown = np.broadcast_to(np.nan, (n, 3))
@@ -196,9 +230,9 @@ class Scan:
                 min_range=nearest,
                 max_range=farthest,
             )
-        starts = one_or_each("origins", origins, n)
+        starts = np.array(one_or_each("origins", origins, n))
         ranges = np.linalg.norm(cloud - starts, axis=1)
-        if not ranges.all():
+        if (ranges == 0.0).any():
             raise ValueError(
                 f"origins must differ from points, but row {int(np.argmin(ranges))} does not"
             )
@@ -218,7 +252,12 @@ class Scan:
     @cached_property
     def is_return(self) -> Bools:
         """Which beams came back (n,)."""
-        return frozen(~np.isnan(self.points[:, 0]))
+        return ~np.isnan(self.points[:, 0])
+
+    @property
+    def is_blank(self) -> Bools:
+        """Which rows tell nothing (n,): no return, and no direction in which none came back."""
+        return ~self.is_return & np.isnan(self.ranges)
 
     @property
     def has_origins(self) -> bool:
@@ -226,8 +265,23 @@ class Scan:
         return bool(np.isfinite(self.origins).all())
 
     def select(self, rows: ArrayLike) -> Scan:
-        """The scan of some beams only, by mask or by row numbers."""
+        """The scan of some beams only, by mask or by row numbers.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When `rows` is neither a mask (n,) nor rows of the scan.
+        """
         index = np.asarray(rows)
+        n = len(self)
+        if index.dtype.kind == "b" and index.shape != (n,):
+            raise ValueError(f"rows must be a mask of shape ({n},), not {index.shape}")
+        if index.ndim != 1 or (index.dtype.kind not in "biu" and index.size):
+            raise TypeError(f"rows must be a mask or row numbers, not {index.dtype} {index.shape}")
+        if index.dtype.kind != "b":
+            index = index.astype(np.int64)
+            if index.size and not (-n <= index.min() and index.max() < n):
+                raise ValueError(f"rows must be below {n}, not {index.min()} to {index.max()}")
         changes: dict[str, Any] = {name: getattr(self, name)[index] for name in _ARRAYS}
         for name in _INDICES:
             array = getattr(self, name)
@@ -239,36 +293,35 @@ class Scan:
         """The scan moved by a vector (3,), metres."""
         if not offset.any():
             return self
-        return replace(
-            self, points=frozen(self.points + offset), origins=frozen(self.origins + offset)
-        )
+        return replace(self, points=self.points + offset, origins=self.origins + offset)
 
     @property
     def far_offset(self) -> Floats:
         """A round place (3,) amid the returns when these are far from the origin, else zero.
 
-        Moved there, squares of coordinates keep their digits.
+        Moved there, squares of coordinates keep their digits. Few points far from all others do not
+        matter.
         """
         is_return = self.is_return
         points = self.points if is_return.all() else self.points[is_return]
         if not len(points):
             return np.zeros(3)
-        farthest = max(points.max(), -points.min())
-        if farthest <= 100.0 * extent(points):
+        middle = np.array([np.median(column) for column in points.T])
+        if np.abs(middle).max() <= _FAR * half_extent(points, middle):
             return np.zeros(3)
-        return np.round(np.median(points, axis=0))
+        return np.round(middle)
 
     def filter_z(self, low: float = -np.inf, high: float = np.inf) -> Scan:
         """The returns whose z is within [low, high], metres (the paper's z filter)."""
+        for name, value in (("low", low), ("high", high)):
+            if not isinstance(value, float) or np.isfinite(value):
+                number(name, value)
         with np.errstate(invalid="ignore"):
             return self.select((self.points[:, 2] >= low) & (self.points[:, 2] <= high))
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write the scan as a NumPy archive (.npz); every number survives exactly."""
-        fields = {name: getattr(self, name) for name in (*_ARRAYS, *_INDICES, *_NUMBERS)}
-        known = {name: value for name, value in fields.items() if value is not None}
-        with open(file, "wb") as stream:
-            np.savez_compressed(stream, primfit="scan", **known)
+        save_arrays(file, {name: getattr(self, name) for name in (*_ARRAYS, *_INDICES, *_NUMBERS)})
 
     @classmethod
     def load(cls, file: str | PathLike[str]) -> Scan:
@@ -276,24 +329,14 @@ class Scan:
 
         Raises
         ------
+        OSError
+            When the file cannot be opened.
         ValueError
-            When the file is not one.
+            When it is no such scan.
+        MemoryError
+            When the memory is too small for it.
         """
-        try:
-            with open(file, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
-                fields = {name: archive[name] for name in archive.files}
-            if fields.pop("primfit") != "scan":
-                raise KeyError("primfit")
-            for name in _NUMBERS:
-                if name in fields and fields[name].ndim == 0:
-                    fields[name] = float(fields[name])
-            scan = cls(**fields)
-            n = len(scan.ranges)
-            if any(getattr(scan, name).shape != (n, 3) for name in _ARRAYS[:3]):
-                raise ValueError("arrays differ in length")
-            return scan
-        except (ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile):
-            raise ValueError(f"{file} is not a scan that primfit wrote") from None
+        return cls(**load_arrays(file, _ARRAYS, _INDICES, _NUMBERS))
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draw the returns from above; needs matplotlib."""
@@ -346,7 +389,7 @@ def as_sigma(sigma: ArrayLike | None, n: int) -> float | Floats | None:
     check_finite("sigma", column)
     if (column < 0.0).any():
         raise ValueError(f"sigma must be at least 0, but row {int(np.argmin(column))} is not")
-    return column
+    return np.array(column)
 
 
 def _indices(name: str, values: ArrayLike | None, n: int) -> Ints | None:

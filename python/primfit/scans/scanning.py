@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import partial
 from typing import Any
 
@@ -9,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit import _primfit
-from primfit._check import Bools, Floats, check_finite, frozen, generator, instance, n_jobs_or_none
+from primfit._check import Bools, Floats, check_finite, generator, instance, n_jobs_or_none
 from primfit._progress import Progress, reporting
 from primfit.scans.casting import RayCaster
 from primfit.scans.lidar import Lidar, check_transforms
 from primfit.scans.scan import Scan
+from primfit.worlds.places import warn_of_places
 from primfit.worlds.world import World
 
 _BEAMS_AT_ONCE = 1 << 18
@@ -62,6 +64,12 @@ def scan(
     ValueError
         When the path has no valid pose, or is not a path.
 
+    Warns
+    -----
+    UserWarning
+        When poses are left out since they are inside a solid or outside the arena, a yaw is more
+        than a full turn, or solids reach into each other or beyond the arena.
+
     Examples
     --------
     >>> import primfit
@@ -79,6 +87,13 @@ def scan(
             f"path has no valid pose: all {len(poses)} are inside a solid or outside the arena of "
             f"{world!r}"
         )
+    if len(valid) < len(poses):
+        warnings.warn(
+            f"path has {len(poses) - len(valid)} of {len(poses)} poses inside a solid or outside "
+            f"the arena: they are left out",
+            stacklevel=2,
+        )
+    warn_of_places(world)
     rng = generator(rng)
     caster = RayCaster(world)._core
     n_jobs = n_jobs_or_none(n_jobs)
@@ -100,14 +115,14 @@ def scan(
             caster.scan(some, beams, gate, (seed, rows.start), *out, n_jobs)
             tell(first + len(some))
     return Scan(
-        points=frozen(points),
+        points=points,
         origins=partial(np.repeat, transforms[:, [3, 7, 11]], n_beams, axis=0),
         directions=partial(_primfit.turned, transforms, beams),
-        ranges=frozen(ranges),
+        ranges=ranges,
         layer=partial(np.tile, np.repeat(np.arange(layers), columns), n_poses),
         column=partial(np.tile, np.arange(columns), n_poses * layers),
         pose_index=partial(np.repeat, valid, n_beams),
-        solid_index=frozen(ids),
+        solid_index=ids,
         sigma=lidar.sigma,
         min_range=lidar.min_range,
         max_range=lidar.max_range,
@@ -129,6 +144,13 @@ def _as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, bool]:
     array = array.reshape(-1, 3)
     check_finite("path", array)
     x, y, yaw = array.T
+    if (np.abs(yaw) > 2 * np.pi + 1e-9).any():
+        row = int(np.argmax(np.abs(yaw)))
+        warnings.warn(
+            f"path has a yaw of more than a full turn, {yaw[row]:g} radians in row {row}; if "
+            f"degrees are meant, use numpy.radians",
+            stacklevel=3,
+        )
     robots = np.tile(np.eye(4), (len(array), 1, 1))
     robots[:, 0, 0] = robots[:, 1, 1] = np.cos(yaw)
     robots[:, 1, 0] = np.sin(yaw)

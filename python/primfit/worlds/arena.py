@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from primfit._check import Floats, as_rows, frozen, number
+from primfit._check import Floats, as_rows, number
 from primfit.geometry.footprints import clean_footprint
 
 _DEFAULT_SIZE = (2.0, 2.0)
@@ -71,7 +71,7 @@ class Arena:
             width, depth = extent.tolist()
         object.__setattr__(self, "size", (width, depth))
         object.__setattr__(self, "height", number("height", self.height, above=0.0))
-        object.__setattr__(self, "outline", frozen(outline))
+        object.__setattr__(self, "outline", outline)
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:

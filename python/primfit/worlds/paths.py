@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +12,9 @@ from numpy.typing import ArrayLike
 
 from primfit._check import Bools, Floats, as_rows, generator, instance, integer, number
 from primfit.worlds.world import World
+
+_MOST_HEADINGS = 3600
+"""Headings at a position: a tenth of a degree apart."""
 
 _MOST_POSITIONS = 1_000_000
 """Positions of a grid: with four headings of the paper's sensor, readings of 128 GB."""
@@ -64,7 +68,7 @@ def grid_path(
     """
     instance("world", world, World)
     spacing = number("spacing", spacing, above=0.0)
-    headings = integer("headings", headings, low=1)
+    headings = integer("headings", headings, low=1, high=_MOST_HEADINGS)
     low, high = world.bounds
     if world.arena is None:
         margin = number("margin", margin, low=0.0)
@@ -122,6 +126,11 @@ def waypoints(
     ValueError
         When no pose is valid.
 
+    Warns
+    -----
+    UserWarning
+        When some are not, and left out.
+
     Examples
     --------
     >>> import primfit
@@ -135,7 +144,13 @@ def waypoints(
     if not len(corners):
         raise ValueError("points must hold at least one waypoint")
     spacing = number("spacing", spacing, above=0.0)
-    headings = integer("headings", headings, low=1)
+    headings = integer("headings", headings, low=1, high=_MOST_HEADINGS)
+    length = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
+    if length > _MOST_POSITIONS * spacing:
+        raise ValueError(
+            f"spacing must leave at most {_MOST_POSITIONS} positions, not {spacing:g} m along "
+            f"{length:g} m"
+        )
     legs = [np.empty((0, 3))]
     yaw = 0.0
     for start, end in pairwise(corners):
@@ -146,7 +161,14 @@ def waypoints(
         along = np.linspace(0.0, 1.0, int(np.ceil(np.linalg.norm(step) / spacing)) + 1)[:-1, None]
         legs.append(np.column_stack([start + along * step, np.full(len(along), yaw)]))
     path = np.concatenate([*legs, [[*corners[-1], yaw]]])
+    n_before = len(path)
     path = path[is_free(world, path[:, :2], clearance)]
+    if 0 < len(path) < n_before:
+        warnings.warn(
+            f"points lead through solids or out of the arena: {n_before - len(path)} of {n_before} "
+            f"positions are nearer than clearance={clearance:g} m to them, and left out",
+            stacklevel=2,
+        )
     if not len(path):
         raise ValueError(
             f"the path has no valid pose: none of its positions is at least clearance="
@@ -154,6 +176,7 @@ def waypoints(
         )
     poses = np.repeat(path, headings, axis=0)
     poses[:, 2] += np.tile(2 * np.pi * np.arange(headings) / headings, len(path))
+    poses[poses[:, 2] > 2 * np.pi, 2] -= 2 * np.pi
     return poses
 
 

@@ -12,7 +12,16 @@ import shapely
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from primfit._check import Bools, Floats, Ints, as_rows, as_vector, frozen, integer, number
+from primfit._check import (
+    MOST_CORNERS,
+    Bools,
+    Floats,
+    Ints,
+    as_rows,
+    as_vector,
+    integer,
+    number,
+)
 from primfit.geometry import shells
 from primfit.geometry.extrusions import prism_faces
 from primfit.geometry.faces import FlatFaced, check_flat, moments, triangles_of, winding_number
@@ -66,8 +75,8 @@ class Polyhedron(FlatFaced):
         if volume < 0.0:
             faces = tuple(face[::-1].copy() for face in faces)
         vertices, faces = shells.merged(vertices, faces)
-        object.__setattr__(self, "vertices", frozen(np.array(vertices)))
-        object.__setattr__(self, "faces", tuple(frozen(face) for face in faces))
+        object.__setattr__(self, "vertices", np.array(vertices))
+        object.__setattr__(self, "faces", tuple(faces))
 
     @classmethod
     def box(
@@ -116,7 +125,8 @@ class Polyhedron(FlatFaced):
         quat_xyzw: ArrayLike = (0.0, 0.0, 0.0, 1.0),
     ) -> Polyhedron:
         """A right pyramid over a regular polygon of `n` sides of length `side`."""
-        n, (side, height) = integer("n", n, low=3), _positive(side=side, height=height)
+        n = integer("n", n, low=3, high=MOST_CORNERS)
+        side, height = _positive(side=side, height=height)
         base = regular_footprint(n, side, np.zeros(2), 0.0)
         vertices = np.vstack([np.column_stack([base, np.zeros(n)]), [0.0, 0.0, height]])
         i = np.arange(n)
@@ -135,7 +145,7 @@ class Polyhedron(FlatFaced):
         quat_xyzw: ArrayLike = (0.0, 0.0, 0.0, 1.0),
     ) -> Polyhedron:
         """A right pyramid cut off parallel to its base, where a side is `top_side` long."""
-        n = integer("n", n, low=3)
+        n = integer("n", n, low=3, high=MOST_CORNERS)
         side, top_side, height = _positive(side=side, top_side=top_side, height=height)
         base, top = (regular_footprint(n, each, np.zeros(2), 0.0) for each in (side, top_side))
         return cls._drawn(base, top, height, center, quat_xyzw)
@@ -273,11 +283,11 @@ class Polyhedron(FlatFaced):
 
     @cached_property
     def _mesh(self) -> Ints:
-        return frozen(triangles_of(self.vertices, self.faces))
+        return triangles_of(self.vertices, self.faces)
 
     def to_mesh(self) -> tuple[Floats, Ints]:
         """Vertices (v, 3) and triangles (t, 3), counter-clockwise from outside."""
-        return self.vertices, self._mesh
+        return self.vertices.copy(), self._mesh.copy()
 
     def moved(self, offset: ArrayLike) -> Polyhedron:
         """The polyhedron moved by a vector (3,), metres."""

@@ -10,7 +10,17 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from primfit._check import Bools, Floats, Ints, as_rows, as_vector, frozen, integer, number
+from primfit._check import (
+    MOST_CORNERS,
+    Bools,
+    Floats,
+    Ints,
+    as_rows,
+    as_vector,
+    integer,
+    number,
+    turn,
+)
 from primfit.geometry import footprints
 from primfit.geometry.extrusions import prism_faces, prism_triangles, prism_vertices
 
@@ -50,7 +60,7 @@ class Prism:
     base: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "footprint", frozen(footprints.clean_footprint(self.footprint)))
+        object.__setattr__(self, "footprint", footprints.clean_footprint(self.footprint))
         object.__setattr__(self, "height", number("height", self.height, above=0.0))
         object.__setattr__(self, "base", number("base", self.base))
 
@@ -65,8 +75,8 @@ class Prism:
         height: float = 0.2,
     ) -> Prism:
         """Prism over a regular polygon of ``n`` sides (`side` in metres, `angle` in radians)."""
-        n, side = integer("n", n, low=3), number("side", side, above=0.0)
-        place = as_vector("center", center, 2), number("angle", angle)
+        n, side = integer("n", n, low=3, high=MOST_CORNERS), number("side", side, above=0.0)
+        place = as_vector("center", center, 2), turn("angle", angle)
         return cls(footprints.regular_footprint(n, side, *place), height)
 
     @classmethod
@@ -81,7 +91,7 @@ class Prism:
     ) -> Prism:
         """Prism over a rectangle; at angle 0 its first side, ``long``, lies along +x."""
         long, short = number("long", long, above=0.0), number("short", short, above=0.0)
-        place = as_vector("center", center, 2), number("angle", angle)
+        place = as_vector("center", center, 2), turn("angle", angle)
         return cls(footprints.rectangle_footprint(long, short, *place), height)
 
     @classmethod
@@ -96,11 +106,11 @@ class Prism:
         height: float = 0.2,
     ) -> Prism:
         """Prism over a star of ``n`` tips at radius ``outer``, with notches at ``inner``."""
-        n = integer("n", n, low=3)
+        n = integer("n", n, low=3, high=MOST_CORNERS)
         outer, inner = number("outer", outer, above=0.0), number("inner", inner, above=0.0)
         if inner >= outer:
             raise ValueError(f"inner must be less than outer ({outer:g}), not {inner:g}")
-        place = as_vector("center", center, 2), number("angle", angle)
+        place = as_vector("center", center, 2), turn("angle", angle)
         return cls(footprints.star_footprint(n, outer, inner, *place), height)
 
     @classmethod

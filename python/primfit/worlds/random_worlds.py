@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -108,7 +108,11 @@ def random_world(
     World(3 solids: square, rectangle, square; arena 2 x 2 m)
     """
     rng = generator(rng)
+    if not isinstance(sizes, Mapping | None):
+        raise TypeError(f"sizes must be a mapping of kinds to sizes, not {sizes!r}")
     sizes = sizes or {}
+    if not isinstance(kinds, Iterable) or not all(isinstance(kind, str) for kind in kinds):
+        raise TypeError(f"kinds must be a sequence of names, not {kinds!r}")
     kinds = list(kinds)
     known = SIZES | POLYHEDRA
     for name, chosen in (("kinds", kinds), ("sizes", list(sizes))):

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from primfit._check import Bools, Floats, Ints, frozen
+from primfit._check import Bools, Floats, Ints
+from primfit._files import as_path, replacing
 from primfit.geometry.footprints import clean_footprint, triangulate
 from primfit.worlds.arena import Arena
 from primfit.worlds.polyhedron import Polyhedron
@@ -77,11 +77,12 @@ class World:
     arena: Arena | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.solids, Iterable):
+        try:
+            solids = tuple(self.solids)
+        except TypeError:
             raise TypeError(
                 f"solids must be a sequence of Prism and Polyhedron, not {self.solids!r}"
-            )
-        solids = tuple(self.solids)
+            ) from None
         for i, solid in enumerate(solids):
             if not isinstance(solid, Solid):
                 raise TypeError(
@@ -101,7 +102,7 @@ class World:
         corners = np.concatenate([solid.vertices[:, :2] for solid in self.solids])
         return corners.min(axis=0), corners.max(axis=0)
 
-    @cached_property
+    @property
     def mask(self) -> Bools:
         """Which cells are not free: (rows, columns), row along y, column along x.
 
@@ -109,9 +110,9 @@ class World:
         bounds. The centre of cell [i, j] is at
         ``bounds[0] + ((j + 0.5) * CELL, (i + 0.5) * CELL)``.
         """
-        return frozen(self._cells != NOTHING)
+        return self._cells != NOTHING
 
-    @cached_property
+    @property
     def matrix(self) -> NDArray[np.uint8]:
         """The map as an image (rows, columns, 3) of uint8: colour by kind, black for free.
 
@@ -120,7 +121,7 @@ class World:
         colors = [COLORS.get(solid.kind, OTHER_COLOR) for solid in self.solids]
         # The last two are those of the arena, -2, and of nothing, -1.
         palette = np.array([*colors, OUTSIDE_COLOR, (0, 0, 0)], dtype=np.uint8)
-        return frozen(palette[self._cells])
+        return palette[self._cells]
 
     @cached_property
     def _cells(self) -> Ints:
@@ -152,11 +153,9 @@ class World:
         parts.append((np.insert(floor, 2, 0.0, axis=1), triangulate(floor), FLOOR))
         first = np.cumsum([0, *(len(vertices) for vertices, _, _ in parts)])
         return (
-            frozen(np.concatenate([vertices for vertices, _, _ in parts])),
-            frozen(
-                np.concatenate([rows + i for (_, rows, _), i in zip(parts, first, strict=False)])
-            ),
-            frozen(np.concatenate([np.full(len(rows), index) for _, rows, index in parts])),
+            np.concatenate([vertices for vertices, _, _ in parts]),
+            np.concatenate([rows + i for (_, rows, _), i in zip(parts, first, strict=False)]),
+            np.concatenate([np.full(len(rows), index) for _, rows, index in parts]),
         )
 
     def to_mesh(self) -> tuple[Floats, Ints, Ints]:
@@ -171,7 +170,8 @@ class World:
             What each triangle belongs to: a row of `solids`, -2 the arena, -3 the floor. The
             floor of a world without an arena is a large square (see `OPEN_FLOOR`).
         """
-        return self._mesh
+        vertices, triangles, solid_index = self._mesh
+        return vertices.copy(), triangles.copy(), solid_index.copy()
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draw the map from above; needs matplotlib."""
@@ -188,7 +188,8 @@ class World:
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write the world as JSON; every number survives exactly."""
-        Path(file).write_text(json.dumps({"primfit": "world", **self.to_dict()}, indent=1))
+        with replacing(file) as part:
+            part.write_text(json.dumps({"primfit": "world", **self.to_dict()}, indent=1))
 
     @classmethod
     def load(cls, file: str | PathLike[str]) -> World:
@@ -196,25 +197,28 @@ class World:
 
         Raises
         ------
+        OSError
+            When the file cannot be opened.
         ValueError
-            When the file is not one.
+            When it is no such world.
         """
+        text = as_path(file).read_bytes()
         try:
-            content = json.loads(Path(file).read_text())
+            content = json.loads(text)
             if content["primfit"] != "world":
-                raise KeyError("primfit")
+                raise ValueError("its 'primfit' does not say that it is a world")
             arena = content["arena"] and Arena(**content["arena"])
             solids = [
                 Prism(**solid) if "footprint" in solid else Polyhedron(**solid)
                 for solid in content["solids"]
             ]
             return cls(solids, arena)
-        except KeyError as error:
-            raise ValueError(
-                f"{file} is not a world that primfit wrote: it lacks {error}"
-            ) from None
-        except (ValueError, TypeError) as error:
-            raise ValueError(f"{file} is not a world that primfit wrote: {error}") from None
+        except MemoryError:
+            raise
+        except Exception as error:
+            # What is wrong with numbers and nesting is found in many a place.
+            why = f"it lacks {error}" if isinstance(error, KeyError) else error
+            raise ValueError(f"{file} is not a world that primfit wrote: {why}") from None
 
     def __repr__(self) -> str:
         kinds = ", ".join(solid.kind for solid in self.solids) or "empty"

@@ -33,6 +33,9 @@ const CROWDED: f64 = 12.0;
 /// Extent over `eps` above which the rounding of coordinates reaches `eps`.
 const WIDEST: f64 = 1e12;
 
+/// Bytes of a point that clustering takes.
+const BYTES: usize = 120;
+
 /// Labels the points: clusters are numbered by their first core point, -1 is noise, and a
 /// border point joins the lowest-numbered cluster within reach.
 ///
@@ -53,6 +56,7 @@ pub fn dbscan(
     if points.len() > u32::MAX as usize {
         return Err(Error::TooMany { n_points: points.len() });
     }
+    workers.room(BYTES * points.len())?;
     let bounds = bounds(points);
     let span = (0..3).map(|k| bounds[1][k] - bounds[0][k]).fold(0.0, f64::max);
     if span > WIDEST * eps {

@@ -1,6 +1,7 @@
 //! The plane that fits given points best, and how well it is known.
 
 use crate::Vector;
+use crate::spread::Moments;
 use nalgebra::{DMatrix, Matrix3, Matrix4, Matrix4x3, SymmetricEigen, Vector3, Vector4};
 
 /// Steps of Gauss and Newton after which the fit to ranges is taken as it is.
@@ -15,6 +16,15 @@ pub struct PlaneFit {
     pub covariance: [f64; 16],
     /// Weighted root mean square of the residuals.
     pub rms: f64,
+}
+
+/// The direction in which points spread least, by arithmetic and square roots alone: the same bits on
+/// every machine.
+#[must_use]
+pub fn thinnest(points: &[Vector]) -> Vector {
+    let n = points.len() as f64;
+    let mean = std::array::from_fn(|k| points.iter().map(|point| point[k]).sum::<f64>() / n);
+    Moments::of(points.iter(), &mean).spread().normal
 }
 
 /// Fits by weighted least squares of the perpendicular distances.

@@ -1,7 +1,8 @@
 //! The kernels of primfit: casting rays, scoring and fitting planes, clustering points.
 //!
 //! Nothing here knows of Python. Every result depends on the input alone: not on the number
-//! of threads, nor on the instruction set that the machine offers.
+//! of threads, nor on the instruction set that the machine offers, as long as the logarithm, the sine
+//! and the like of the system do not either.
 
 mod bounds;
 mod crossings;
@@ -12,16 +13,18 @@ mod instructions;
 mod lanes;
 mod likelihood;
 mod neighbors;
+pub mod ply;
 mod rays;
 mod scoring;
 mod segmentation;
 mod spread;
+pub mod text;
 mod workers;
 
 pub use crossings::{passages, residuals};
 pub use dbscan::dbscan;
 pub use error::Error;
-pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
+pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges, thinnest};
 pub use likelihood::{
     BeamBlocks, Beams, Candidate, Climb, Effort, Family, Grid, LevelLines, Local, Posterior,
     Prices, Region, Slope, Spans, carve, prism_costs, prism_ranges, sample, wall_depths,

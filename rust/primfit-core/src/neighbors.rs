@@ -15,6 +15,11 @@ pub const LEAF: usize = 16;
 /// Points of a subtree from which its halves are built at the same time.
 const TOGETHER: usize = 1 << 14;
 
+/// Bytes of a point that a tree and its building take, and of a neighbour that was found with what it
+/// is turned into.
+const BYTES: usize = 80;
+const FOUND_BYTES: usize = 32;
+
 /// A cloud ready for questions of nearness.
 pub struct PointTree {
     points: Vec<Vector>,
@@ -60,6 +65,15 @@ pub struct Search {
 }
 
 impl PointTree {
+    /// Sorts finite points into a tree, when there is memory for it.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] when there is not.
+    pub fn within_memory(points: &[Vector], workers: &Workers) -> Result<Self, Error> {
+        workers.room(BYTES * points.len())?;
+        Ok(workers.install(|| Self::new(points)))
+    }
+
     /// Sorts finite points into a tree.
     #[must_use]
     pub fn new(points: &[Vector]) -> Self {
@@ -173,7 +187,7 @@ impl PointTree {
     /// The `k` nearest points of each query, row after row.
     ///
     /// # Errors
-    /// [`Error::Stopped`] when the caller does not want to go on.
+    /// [`Error::Memory`], and [`Error::Stopped`] when the caller does not want to go on.
     pub fn neighbors(
         &self,
         queries: &[Vector],
@@ -181,6 +195,7 @@ impl PointTree {
         workers: &Workers,
     ) -> Result<Vec<Neighbor>, Error> {
         let k = k.min(self.points.len());
+        workers.room((FOUND_BYTES * k).saturating_mul(queries.len()))?;
         let mut table = vec![Neighbor { squared: 0.0, row: 0, place: 0 }; k * queries.len()];
         if k > 0 {
             workers.fill(&mut table, k, Search::default, |search, i, row| {

@@ -44,6 +44,9 @@ const ROUNDS: usize = 4;
 const SETTLED: usize = 100;
 const SWEEPS: usize = 2;
 
+/// Bytes of a point that the search takes at most, where each touches as many others as it may.
+const BYTES: usize = 640;
+
 /// The planes of a cloud.
 pub struct Segmentation {
     /// Plane of each point in the order of the tree, numbered by falling size; -1 for none.
@@ -66,6 +69,7 @@ pub fn segment(
     sigma: Option<&[f64]>,
     workers: &Workers,
 ) -> Result<Segmentation, Error> {
+    workers.room(BYTES * tree.points().len())?;
     if tree.points().len() < FEWEST {
         let n = tree.points().len();
         let sigma = sigma.map_or_else(|| vec![0.0; n], <[f64]>::to_vec);

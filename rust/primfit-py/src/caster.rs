@@ -11,6 +11,8 @@ use pyo3::prelude::*;
 
 type Hits<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
 
+type Mesh<'py> = (Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray1<i64>>>);
+
 /// A triangle mesh ready for rays.
 #[pyclass(frozen, module = "primfit._primfit")]
 pub struct RayCaster(primfit_core::RayCaster);
@@ -37,6 +39,15 @@ impl RayCaster {
             Some(names) => caster.named(names),
             None => caster,
         }))
+    }
+
+    /// The corners (3t, 3) of all triangles, row after row, and what these are called.
+    fn mesh<'py>(&self, py: Python<'py>) -> PyResult<Mesh<'py>> {
+        let (triangles, names) = self.0.mesh();
+        let corners = triangles.into_flattened();
+        let n = corners.len();
+        let corners = corners.into_flattened().into_pyarray(py).reshape([n, 3])?;
+        Ok((corners, names.map(|names| PyArray1::from_slice(py, names))))
     }
 
     fn __len__(&self) -> usize {
@@ -98,8 +109,7 @@ pub fn turned<'py>(
     beams: PyReadonlyArray2<f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (poses, beams) = (rows("poses", &poses)?, rows("beams", &beams)?);
-    let directions =
-        door::enter(py, None, |workers| workers.install(|| primfit_core::turned(poses, beams)))?;
+    let directions = door::enter(py, None, |workers| primfit_core::turned(poses, beams, workers))?;
     let n = directions.len();
     directions.into_flattened().into_pyarray(py).reshape([n, 3])
 }

@@ -16,6 +16,7 @@ mod likelihood;
 mod lines;
 mod neighbors;
 mod planes;
+mod tables;
 
 use pyo3::prelude::*;
 
@@ -36,5 +37,7 @@ mod _primfit {
     #[pymodule_export]
     use crate::neighbors::PointTree;
     #[pymodule_export]
-    use crate::planes::{fit_plane, fit_plane_to_ranges, score_planes};
+    use crate::planes::{fit_plane, fit_plane_to_ranges, score_planes, thinnest};
+    #[pymodule_export]
+    use crate::tables::{format_rows, parse_rows, ply_bytes, ply_words};
 }

@@ -31,7 +31,7 @@ impl PointTree {
             return Err(PyValueError::new_err("points must be fewer than 2 ** 31"));
         }
         door::enter(py, n_jobs, |workers| {
-            Ok(Self(workers.install(|| primfit_core::PointTree::new(points))))
+            primfit_core::PointTree::within_memory(points, workers).map(Self)
         })
     }
 

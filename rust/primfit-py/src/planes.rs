@@ -67,6 +67,16 @@ pub fn fit_plane_to_ranges<'py>(
     fit.map(|fit| to_arrays(py, fit)).transpose()
 }
 
+/// The direction (3,) in which points spread least.
+#[pyfunction]
+pub fn thinnest<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<f64>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let points = rows("points", &points)?;
+    Ok(PyArray1::from_slice(py, &py.detach(|| primfit_core::thinnest(points))))
+}
+
 fn space<'a>(normal_space: &'a PyReadonlyArray2<f64>) -> PyResult<&'a [Vector]> {
     let space = rows("normal_space", normal_space)?;
     if (1..=3).contains(&space.len()) {

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from primfit.clouds.cloud import Cloud, Field, cloud_of, columns_of, common_name, table_of
+from primfit.clouds.cloud import (
+    Cloud,
+    Columns,
+    Field,
+    cloud_of,
+    columns_of,
+    common_name,
+    organised,
+    table_of,
+)
+from primfit.clouds.formats.archive import Archive, read_array
+
+_WIDE = 16
+"""Columns from which three rows are taken for x, y and z along the first axis."""
 
 
 def read(path: Path) -> Cloud:
@@ -17,42 +30,65 @@ def read(path: Path) -> Cloud:
     An archive has an array "points"; its others of as many rows are fields. Two axes of points
     make an organised cloud.
     """
-    with open(path, "rb") as stream:
-        content = np.load(stream, allow_pickle=False)
-        is_archive = path.suffix.lower() == ".npz"
-        if is_archive == isinstance(content, np.ndarray):
-            raise ValueError(f"it is {'an array' if is_archive else 'an archive of arrays'}")
-        if is_archive:
-            return _of_archive({name: content[name] for name in content.files})
+    if path.suffix.lower() == ".npz":
+        with Archive(path) as archive:
+            return _of_archive(archive)
+    content = read_array(path)
     if content.dtype.names is not None:
-        columns = {name: content[name] for name in content.dtype.names}
-        return cloud_of({name: each.ravel() for name, each in columns.items()}, _shape(content))
+        return _of_named(content)
     if content.ndim not in (2, 3) or content.shape[-1] < 3:
         raise ValueError(f"its array has shape {content.shape}, not (n, 3) or (h, w, 3)")
+    if content.shape[0] == 3 and content.shape[-1] > _WIDE:
+        raise ValueError(
+            f"its array has shape {content.shape}, as if x, y and z were its rows: the last axis "
+            f"must be x, y, z and more"
+        )
+    if content.dtype.kind not in "biuf":
+        raise ValueError(f"its array holds {content.dtype}, not numbers")
     names = [*"xyz", *(f"column_{k}" for k in range(4, content.shape[-1] + 1))]
-    rows = content.reshape(-1, len(names))
-    return cloud_of(dict(zip(names, rows.T, strict=True)), _shape(content[..., 0]))
+    rows = content.reshape(math.prod(content.shape[:-1]), len(names))
+    return cloud_of(dict(zip(names, rows.T, strict=True)), _pixels(content[..., 0]))
 
 
-def _shape(pixels: Field) -> tuple[int, int] | None:
+def _of_named(content: Field) -> Cloud:
+    """A cloud of named columns; those that are no numbers are left out."""
+    columns: Columns = {}
+    for name in content.dtype.names or ():
+        values = content[name]
+        if values.dtype.kind in "biuf":
+            values = values.reshape(content.size, math.prod(values.shape[content.ndim :]))
+            columns[name] = _at_most_64_bits(values[:, 0] if values.shape[1] == 1 else values)
+    return cloud_of(columns, _pixels(content))
+
+
+def _pixels(pixels: Field) -> tuple[int, int] | None:
     return (pixels.shape[0], pixels.shape[1]) if pixels.ndim == 2 else None
 
 
-def _of_archive(arrays: Mapping[str, Field]) -> Cloud:
-    if "points" not in arrays:
-        raise ValueError(f"it has no array 'points', only {', '.join(arrays) or 'nothing'}")
-    points = arrays["points"]
-    if points.ndim not in (2, 3) or points.shape[-1] != 3:
-        raise ValueError(f"its array 'points' has shape {points.shape}, not (n, 3) or (h, w, 3)")
-    points, shape = points.reshape(-1, 3), points.shape
-    fields = {
-        common_name(name): each.reshape(len(points), *each.shape[len(shape) - 1 :])
-        for name, each in arrays.items()
-        if name not in ("points", "x", "y", "z")
-        and each.dtype.kind in "biuf"
-        and each.shape in (shape, shape[:-1])
-    }
-    return Cloud(points, fields, (shape[0], shape[1]) if len(shape) == 3 else None)
+def _at_most_64_bits(values: Field) -> Field:
+    return values.astype(np.float64) if values.dtype.itemsize > 8 else values
+
+
+def _of_archive(archive: Archive) -> Cloud:
+    if "points" not in archive:
+        raise ValueError(f"it has no array 'points', only {', '.join(archive) or 'nothing'}")
+    shape = archive.shape("points")
+    if len(shape) not in (2, 3) or shape[-1] != 3:
+        raise ValueError(f"its array 'points' has shape {shape}, not (n, 3) or (h, w, 3)")
+    points = archive["points"]
+    if points.dtype.kind not in "biuf":
+        raise ValueError(f"its array 'points' holds {points.dtype}, not numbers")
+    points, pixels = points.reshape(-1, 3).astype(np.float64), shape[:-1]
+    fields: Columns = {}
+    for name in archive:
+        own = archive.shape(name)
+        is_field = own[: len(pixels)] == pixels and len(own) - len(pixels) in (0, 1)
+        if name not in ("points", "x", "y", "z") and is_field:
+            values = archive[name]
+            if values.dtype.kind in "biuf":
+                values = _at_most_64_bits(values)
+                fields[common_name(name)] = values.reshape(len(points), *own[len(pixels) :])
+    return organised(points, fields, (shape[0], shape[1]) if len(shape) == 3 else None)
 
 
 def write(path: Path, cloud: Cloud) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from primfit.clouds.cloud import Cloud, Columns, cloud_of, columns_of
+from primfit.clouds.formats.e57_header import check_file
 
 if TYPE_CHECKING:
     from pye57 import E57, ScanHeader
@@ -37,6 +38,10 @@ _EXTENSIONS = {
 }
 
 
+_UNIT = 1e-3
+"""How far the length of a quaternion may be off one: writers round it."""
+
+
 def read(path: Path) -> Cloud:
     """All scans, moved to the frame of the file; fields that one of them lacks are left out.
 
@@ -45,8 +50,9 @@ def read(path: Path) -> Cloud:
     """
     import pye57
 
+    check_file(path)
     with pye57.E57(str(path)) as file:
-        scans = [_read_scan(file, file.get_header(i)) for i in range(file.scan_count)]
+        scans = [_read_scan(file, i) for i in range(file.scan_count)]
     if not scans:
         raise ValueError("it holds no scan")
     if len(scans) > 1:
@@ -56,7 +62,8 @@ def read(path: Path) -> Cloud:
     return cloud_of({name: np.concatenate([scan[name] for scan in scans]) for name in names})
 
 
-def _read_scan(file: E57, header: ScanHeader) -> Columns:
+def _read_scan(file: E57, i: int) -> Columns:
+    header = file.get_header(i)
     raw = _read_columns(file, header)
     columns = {_NAMES.get(name, name.removeprefix("primfit:")): each for name, each in raw.items()}
     if "x" in columns:
@@ -73,6 +80,8 @@ def _read_scan(file: E57, header: ScanHeader) -> Columns:
         if name in columns:
             points[columns.pop(name) != 0] = np.nan
     if header.has_pose():
+        if not np.isclose(np.linalg.norm(header.rotation), 1.0, rtol=0.0, atol=_UNIT):
+            raise ValueError(f"a scan has a rotation that is no unit quaternion: {header.rotation}")
         rotation, translation = header.rotation_matrix, header.translation
         points = points @ rotation.T + translation
         columns |= {
@@ -101,8 +110,9 @@ def _read_columns(file: E57, header: ScanHeader) -> Columns:
             kind = np.float32
         columns[name] = np.zeros(n, kind)
         buffers.append(libe57.SourceDestBuffer(file.image_file, name, columns[name], n, True, True))
-    if n:
-        header.points.reader(buffers).read()
+    n_read = header.points.reader(buffers).read() if n else 0
+    if n_read < n:
+        raise ValueError(f"a scan holds {n_read} of {n} points")
     return columns
 
 

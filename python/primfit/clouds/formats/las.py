@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 
 from primfit.clouds.cloud import Cloud, Columns, cloud_of, columns_of
+from primfit.clouds.formats.las_header import read_header
+from primfit.clouds.formats.laz import decompressed
+from primfit.geometry.extents import bounds
 
 _FINEST = 1e-6
 """Least step of a coordinate, metres."""
@@ -18,22 +22,54 @@ def read(path: Path) -> Cloud:
     """All dimensions; those of the format that are zero throughout are left out."""
     import laspy
 
-    las = laspy.read(path)
-    if len(las.points) != las.header.point_count:
-        raise ValueError(f"it holds {len(las.points)} of {las.header.point_count} points")
-    columns: Columns = dict(zip("xyz", np.asarray(las.xyz).T, strict=True))
-    own = set(las.point_format.extra_dimension_names)
-    for name in las.point_format.dimension_names:
-        if name not in ("X", "Y", "Z"):
-            values = np.asarray(las[name])
+    content = memoryview(path.read_bytes())
+    checked = read_header(content)
+    header = laspy.LasHeader.read_from(io.BytesIO(content[: checked.start]))
+    if checked.compression is None:
+        points = content[checked.start : checked.start + checked.n_points * checked.point_size]
+    else:
+        points = memoryview(decompressed(content, checked, checked.compression))
+    record = laspy.point.record.ScaleAwarePointRecord(
+        np.frombuffer(points, header.point_format.dtype()),
+        header.point_format,
+        header.scales,
+        header.offsets,
+    )
+    places = np.empty((checked.n_points, 3))
+    for k, (scale, offset) in enumerate(zip(checked.scales, checked.offsets, strict=True)):
+        np.multiply(record.array["XYZ"[k]], scale, out=places[:, k])
+        places[:, k] += offset
+    ever = _ever_set(points, checked.point_size)
+    used = {
+        name
+        for name, (kind, at) in (header.point_format.dtype().fields or {}).items()
+        if any(ever[at : at + kind.itemsize])
+    }
+    own = set(header.point_format.extra_dimension_names)
+    columns: Columns = {}
+    for name in header.point_format.dimension_names:
+        bytes_of = record.sub_fields_dict.get(name, (name,))[0]
+        if name not in ("X", "Y", "Z") and (name in own or bytes_of in used):
+            values = np.asarray(record[name])
             if name in own or values.any():
                 columns[name] = values
     if any(name in columns for name in _COLOR):
-        wide = [np.asarray(las[name]) for name in _COLOR]
+        wide = [np.asarray(record[name]) for name in _COLOR]
         # Eight bits fill sixteen when they are written twice.
         is_narrow = all((each % 257 == 0).all() for each in wide)
         columns |= dict(zip(_COLOR, [x // 257 for x in wide] if is_narrow else wide, strict=True))
-    return cloud_of(columns)
+    return cloud_of(columns, points=places)
+
+
+def _ever_set(points: memoryview, size: int) -> bytes:
+    """For each byte of a point, the bits that are set in any of the points."""
+    rows = np.frombuffer(points, np.uint8)
+    # Eight points are a whole number of words, which are faster to go through.
+    n_whole = len(rows) // (8 * size) * 8 * size
+    words = np.bitwise_or.reduce(rows[:n_whole].view(np.uint64).reshape(-1, size), axis=0)
+    rest = np.bitwise_or.reduce(rows[n_whole:].reshape(-1, size), axis=0)
+    eight = np.bitwise_or.reduce(words.view(np.uint8).reshape(8, size), axis=0)
+    return bytes(eight | rest)
 
 
 def write(path: Path, cloud: Cloud) -> None:
@@ -60,12 +96,15 @@ def write(path: Path, cloud: Cloud) -> None:
     header.add_extra_dims(
         [laspy.ExtraBytesParams(name, columns[name].dtype.str[1:]) for name in extra]
     )
-    low, high = (cloud.points.min(axis=0), cloud.points.max(axis=0)) if len(cloud) else (0.0, 0.0)
-    span = float(np.max(np.subtract(high, low)))
-    header.offsets = np.floor(np.add(low, high) / 2) + np.zeros(3)
+    low, high = bounds(cloud.points) if len(cloud) else (np.zeros(3), np.zeros(3))
+    span = float(np.max(high - low))
+    header.offsets = np.floor((low + high) / 2)
     header.scales = np.full(3, max(_FINEST, 10.0 ** np.ceil(np.log10(max(span, 1.0) / 4.2e9))))
-    las = laspy.LasData(header)
-    las.xyz = cloud.points
+    record = laspy.ScaleAwarePointRecord.zeros(len(cloud), header=header)
+    for k, axis in enumerate("XYZ"):
+        steps = (cloud.points[:, k] - header.offsets[k]) / header.scales[k]
+        record.array[axis] = np.rint(steps, out=steps)
+    las = laspy.LasData(header, record)
     for name, values in columns.items():
         las[name] = values
         if not np.array_equal(las[name], values, equal_nan=values.dtype.kind == "f"):

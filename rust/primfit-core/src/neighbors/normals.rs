@@ -30,6 +30,10 @@ pub const THICKEST: f64 = 3.0;
 /// Least standard deviation, as a fraction of the neighbourhood's radius: what rounding leaves.
 pub const FLOOR: f64 = 1e-7;
 
+/// Bytes that a plane and a normal take with what they are turned into.
+const PLANE_BYTES: usize = 120;
+const NORMAL_BYTES: usize = 56;
+
 /// The plane of a neighbourhood.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LocalPlane {
@@ -59,6 +63,7 @@ impl PointTree {
         step: usize,
         workers: &Workers,
     ) -> Result<Vec<LocalPlane>, Error> {
+        workers.room(PLANE_BYTES * self.points().len().div_ceil(step))?;
         let mut planes = vec![LocalPlane::default(); self.points().len().div_ceil(step)];
         workers.fill(
             &mut planes,
@@ -85,6 +90,7 @@ impl PointTree {
     /// # Errors
     /// [`Error::Stopped`] when the caller does not want to go on.
     pub fn normals(&self, k: usize, workers: &Workers) -> Result<Vec<Vector>, Error> {
+        workers.room(NORMAL_BYTES * self.points().len())?;
         let mut normals = vec![[0.0; 3]; self.points().len()];
         if k.min(normals.len()) >= 3 {
             workers.fill(

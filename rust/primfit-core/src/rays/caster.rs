@@ -25,6 +25,11 @@ const FEW: usize = 1 << 12;
 /// Expected triangles in a tile above which its rays have little in common.
 const IN_TILE: f64 = 500.0;
 
+/// Bytes that a triangle and a vertex take while the tree is built, and that a ray takes.
+const TRIANGLE_BYTES: usize = 250;
+const VERTEX_BYTES: usize = 24;
+const RAY_BYTES: usize = 20;
+
 /// What a ray hit first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
@@ -93,6 +98,7 @@ impl RayCaster {
                 }
             }
         }
+        workers.room(TRIANGLE_BYTES * triangles.len() + VERTEX_BYTES * n_vertices)?;
         let tree = if triangles.len() <= FEW {
             Tree::new(vertices, triangles, &Stop::default())
         } else {
@@ -109,6 +115,16 @@ impl RayCaster {
     pub fn named(self, names: Vec<i64>) -> Self {
         assert_eq!(names.len(), self.len(), "one name a triangle");
         Self { names: Some(names), ..self }
+    }
+
+    /// The corners of all triangles, row after row, and what these are called.
+    #[must_use]
+    pub fn mesh(&self) -> (Vec<[Vector; 3]>, Option<&[i64]>) {
+        let mut triangles = vec![[[0.0; 3]; 3]; self.len()];
+        for triangle in &self.tree.exact {
+            triangles[triangle.id() as usize] = [0, 1, 2].map(|i| triangle.corner(i));
+        }
+        (triangles, self.names.as_deref())
     }
 
     /// How many triangles there are.
@@ -135,6 +151,7 @@ impl RayCaster {
         workers: &Workers,
     ) -> Result<Hits, Error> {
         let n = origins.len();
+        workers.room(RAY_BYTES * n)?;
         let mut hits = Hits { ranges: zeros(n), ids: zeros(n) };
         let rays = origins.chunks(CHUNK).zip(directions.chunks(CHUNK));
         let out = hits.ranges.chunks_mut(CHUNK).zip(hits.ids.chunks_mut(CHUNK));

@@ -122,7 +122,8 @@ impl Query for Rays<'_> {
     ) {
         for i in 0..count {
             let row = rows[i] as usize;
-            self.ranges[row] = hits.ranges[i];
+            // A ray that starts on a surface hits it at 0, not at -0.
+            self.ranges[row] = hits.ranges[i] + 0.0;
             self.ids[row] = hits.get(i).id(self.names);
         }
     }

@@ -18,6 +18,8 @@ use std::borrow::Cow;
 const CHUNK: usize = 1 << 16;
 /// Rays of a task, about.
 const TASK: usize = 1 << 11;
+/// Bytes that a direction in the world takes while all are put together.
+const DIRECTION_BYTES: usize = 96;
 
 /// Odd, so that states stay apart for all numbers, and not the step of the generator.
 const APART: u64 = 0xd1b5_4a32_d192_ed03;
@@ -139,17 +141,24 @@ impl RayCaster {
 /// [`RayCaster::scan`] casts.
 ///
 /// # Errors
-/// [`Error::NoDirection`] for a beam without one.
-pub fn turned(poses: &[Transform], beams: &[Vector]) -> Result<Vec<Vector>, Error> {
+/// [`Error::NoDirection`] for a beam without one, and [`Error::Memory`].
+pub fn turned(
+    poses: &[Transform],
+    beams: &[Vector],
+    workers: &Workers,
+) -> Result<Vec<Vector>, Error> {
+    workers.room(DIRECTION_BYTES.saturating_mul(poses.len() * beams.len()))?;
     let beams = units(beams)?;
     let turn = |pose, beam| {
         let direction = rotated(pose, beam);
         unit(direction).unwrap_or(direction)
     };
-    Ok(poses
-        .par_iter()
-        .flat_map_iter(|pose| beams.iter().map(move |&beam| turn(pose, beam)))
-        .collect())
+    Ok(workers.install(|| {
+        poses
+            .par_iter()
+            .flat_map_iter(|pose| beams.iter().map(move |&beam| turn(pose, beam)))
+            .collect()
+    }))
 }
 
 /// The beams at unit length, copied only where that is needed.

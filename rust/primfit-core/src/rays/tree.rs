@@ -69,7 +69,8 @@ impl Exact {
         self.corners[0][3] as i64
     }
 
-    fn corner(&self, i: usize) -> Vector {
+    /// One of its corners.
+    pub fn corner(&self, i: usize) -> Vector {
         [0, 1, 2].map(|k| self.corners[k][i])
     }
 }
