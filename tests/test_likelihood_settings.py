@@ -64,3 +64,20 @@ def test_settings_reach_the_detection(small_scan):
     assert asked.to_json() == (
         primfit.detect(small_scan, rng=1, settings=replace(how, tolerance=0.01)).to_json()
     )
+
+
+@pytest.mark.parametrize(
+    ("stage", "mistake", "error", "message"),
+    [
+        (LikelihoodSettings, {"tolerance": "a"}, TypeError, "tolerance must be a number, not 'a'"),
+        (LikelihoodSettings, {"tolerance": -1}, ValueError, "tolerance must be at least 0"),
+        (LikelihoodSettings, {"noise": 3}, TypeError, "noise must be a NoiseSettings, not int"),
+        (CarvingSettings, {"n_layers": 2.5}, TypeError, "n_layers must be an integer, not 2.5"),
+        (settings.NoiseSettings, {"rare": float("nan")}, ValueError, "rare must be finite"),
+        (settings.PolygonSettings, {"simplifications": 3}, TypeError, "must be a tuple, not int"),
+        (settings.PolygonSettings, {"simplifications": (None,)}, TypeError, "must be a number"),
+    ],
+)
+def test_settings_of_the_wrong_kind_are_told(stage, mistake, error, message):
+    with pytest.raises(error, match=message):
+        stage(**mistake)

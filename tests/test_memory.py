@@ -44,6 +44,7 @@ CALLS = [
     "tree.neighbors(points, 60)",
     "tree.segment()",
     "primfit.detect_planes(points[:600_000])",
+    "primfit._primfit.score_planes(points[:64], np.tile([0, 0, 1.0, 0], (300_000, 1)), 0.1, None, True)",
 ]
 
 

@@ -5,14 +5,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any
+
+from primfit._check import instance, integer, number
 
 _MOST = 0.1
 """Largest tolerance in the size of a solid: with more, every shape is a circle."""
 
 
+class _Checked:
+    """Settings that are of the kind of their defaults: counts, or numbers that are not negative."""
+
+    def __post_init__(self) -> None:
+        for each in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, each.name)
+            factory: Any = each.default_factory
+            default = factory() if each.default is MISSING else each.default
+            if isinstance(default, int):
+                integer(each.name, value, low=0)
+            elif isinstance(default, float) or (default is None and value is not None):
+                number(each.name, value, low=0.0)
+            elif isinstance(default, tuple):
+                instance(each.name, value, tuple)
+                for part in value:
+                    number(each.name, part, low=0.0)
+            elif default is not None:
+                instance(each.name, value, type(default))
+
+
 @dataclass(frozen=True, kw_only=True)
-class NoiseSettings:
+class NoiseSettings(_Checked):
     """How beams err.
 
     Attributes
@@ -41,7 +64,7 @@ class NoiseSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarvingSettings:
+class CarvingSettings(_Checked):
     """Free-space carving: which cells are free, and which pieces of the rest may be solids.
 
     Attributes
@@ -120,7 +143,7 @@ class CarvingSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoomSettings:
+class RoomSettings(_Checked):
     """Walls around all.
 
     Attributes
@@ -152,7 +175,7 @@ class RoomSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FittingSettings:
+class FittingSettings(_Checked):
     """From a guess to a posterior.
 
     Attributes
@@ -194,7 +217,7 @@ class FittingSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModelSettings:
+class ModelSettings(_Checked):
     """Which kinds a footprint may be instead.
 
     Attributes
@@ -219,7 +242,7 @@ class ModelSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PolygonSettings:
+class PolygonSettings(_Checked):
     """Free polygons gain, lose and move corners.
 
     Attributes
@@ -266,7 +289,7 @@ class Effort:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SamplingSettings:
+class SamplingSettings(_Checked):
     """Sampling posteriors.
 
     Attributes
@@ -308,7 +331,7 @@ class SamplingSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SelectionSettings:
+class SelectionSettings(_Checked):
     """Kinds compete for a region.
 
     Attributes
@@ -368,7 +391,7 @@ class SelectionSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RefinementSettings:
+class RefinementSettings(_Checked):
     """What does not explain its beams is replaced.
 
     Attributes
@@ -418,7 +441,7 @@ class RefinementSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConsistencySettings:
+class ConsistencySettings(_Checked):
     """Places of which the beams contradict each other by when they were taken.
 
     Attributes
@@ -449,7 +472,7 @@ class ConsistencySettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LikelihoodSettings:
+class LikelihoodSettings(_Checked):
     """Settings of `primfit.detect` by the likelihood.
 
     Attributes

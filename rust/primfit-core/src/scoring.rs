@@ -13,6 +13,9 @@ const SINGLE_PRECISION: f64 = 4e-6;
 /// Threshold, in metres, below which the numbers of float32 end.
 const NARROWEST: f64 = 1e-30;
 
+/// Bytes that a plane takes: itself, the sums of both its sides, and its scores.
+const SCORE_BYTES: usize = 128;
+
 /// What supports a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Score {
@@ -58,6 +61,7 @@ struct Job<'a> {
 
 impl Job<'_> {
     fn run(&self, instructions: Instructions, workers: &Workers) -> Result<Vec<f64>, Error> {
+        workers.room(SCORE_BYTES.saturating_mul(self.equations.len()))?;
         let [low, high] = bounds(self.points);
         let center = std::array::from_fn(|k| f64::midpoint(low[k], high[k]));
         let stretch = self.directions.map_or(1.0, |directions| half_side(bounds(directions)));

@@ -8,6 +8,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const TASK: usize = 1 << 12;
 const CHUNK: usize = 1 << 18;
 
+/// Bytes that a cell takes: both its counts, and these as they are handed out.
+const CELL_BYTES: usize = 16;
+
 /// Both counts of a cell in one number.
 const CROSSED: u64 = 1;
 const PASSED: u64 = 1 << 32;
@@ -115,6 +118,7 @@ pub fn carve(
     grid: Grid,
     workers: &Workers,
 ) -> Result<Vec<[u32; 2]>, Error> {
+    workers.room(CELL_BYTES.saturating_mul(grid.len()))?;
     let counts: Vec<AtomicU64> = (0..grid.len()).map(|_| AtomicU64::new(0)).collect();
     let n_layers = grid.n_layers();
     let edges: Vec<f64> = grid.heights.iter().map(|z| (z - grid.heights[0]) / grid.cell).collect();
