@@ -123,3 +123,30 @@ def test_coordinates_in_millimetres():
 def test_settings_of_the_wrong_type(settings, message):
     with pytest.raises(TypeError, match=message):
         primfit.PaperSettings(**settings)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: primfit.Arena(primfit.Cloud(np.eye(3))), TypeError, "size must be a number or"),
+        (lambda: primfit.paper_world(kinds=7), TypeError, "kinds must be a sequence of names"),
+        (lambda: primfit.paper_world(kinds=np.arange(3)), TypeError, "kinds must be a sequence"),
+        (lambda: primfit.paper_world(kinds=[]), ValueError, "kinds must be taken from"),
+        (lambda: primfit.paper_world(2**63), ValueError, "n_solids must be a count"),
+        (lambda: primfit.random_world(kinds=3), TypeError, "kinds must be a sequence of names"),
+        (lambda: primfit.grid_path(EMPTY, 1e-300), ValueError, "spacing must leave at most"),
+        (lambda: primfit.paper_path(EMPTY, 1e-9), ValueError, "spacing must leave at most"),
+    ],
+)
+def test_mistakes_in_worlds_and_paths_are_named(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_settings_of_another_method_are_refused():
+    scan = primfit.scan(EMPTY, (0.5, 0.5, 0.0), rng=1)
+    with pytest.raises(TypeError, match="settings must be a LikelihoodSettings"):
+        primfit.detect(scan, "likelihood", settings=primfit.PaperSettings())
+
+
+EMPTY = primfit.World(arena=primfit.Arena(1.0))

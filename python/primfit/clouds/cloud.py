@@ -97,7 +97,7 @@ class Cloud:
                 height, width = self.shape
             except (TypeError, ValueError):
                 raise ValueError(f"shape must be (height, width), not {self.shape!r}") from None
-            shape = integer("height", height, low=0), integer("width", width, low=0)
+            shape = integer("shape[0]", height, low=0), integer("shape[1]", width, low=0)
             if shape[0] * shape[1] != len(points):
                 raise ValueError(
                     f"shape must be that of {len(points)} points, not {shape[0]} x {shape[1]}"

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from primfit._check import generator, n_jobs_or_none, number
+from primfit._check import generator, instance, n_jobs_or_none, number
 from primfit._progress import Progress, reporting
 from primfit.clouds.noise import estimate_range_sigma
 from primfit.likelihood.consistency import find_contradictions
@@ -93,6 +93,7 @@ def detect_likelihood(
     """
     _check(scan)
     how = LikelihoodSettings() if settings is None else settings
+    instance("settings", how, LikelihoodSettings)
     if tolerance is not None:
         how = replace(how, tolerance=number("tolerance", tolerance, low=0.0))
     rng = generator(rng)

@@ -54,7 +54,10 @@ class Arena:
     outline: Any = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        size = (self.size, self.size) if np.ndim(self.size) == 0 else tuple(self.size)
+        try:
+            size = (self.size, self.size) if np.ndim(self.size) == 0 else tuple(self.size)
+        except TypeError:
+            raise TypeError(f"size must be a number or (width, depth), not {self.size!r}") from None
         if len(size) != 2:
             raise ValueError(f"size must be a number or (width, depth), not {self.size!r}")
         width, depth = (number("size", value, above=0.0) for value in size)

@@ -14,9 +14,9 @@ import shapely
 from primfit._check import Floats, choice, generator, instance, integer, number
 from primfit.geometry.footprints import angle_of, clean_footprint, sides, size_of
 from primfit.worlds.arena import Arena
-from primfit.worlds.paths import is_free
+from primfit.worlds.paths import counts_along, is_free
 from primfit.worlds.prism import Prism
-from primfit.worlds.random_worlds import counts_of, find_place
+from primfit.worlds.random_worlds import counts_of, find_place, kinds_of
 from primfit.worlds.world import World
 
 ARENA_SIZE = 10.0
@@ -84,10 +84,7 @@ def paper_world(
     """
     rng = generator(rng)
     fewest, most = counts_of(n_solids)
-    if not kinds:
-        raise ValueError(f"kinds must name at least one kind, not {kinds!r}")
-    for kind in kinds:
-        choice("kinds", kind, list(LARGEST_ANGLES_DEG))
+    kinds = kinds_of("kinds", kinds, LARGEST_ANGLES_DEG)
     max_attempts = integer("max_attempts", max_attempts, low=1)
     arena = Arena((ARENA_SIZE, ARENA_SIZE), height=HEIGHT)
     solids: list[Prism] = []
@@ -245,6 +242,7 @@ def paper_path(world: World, spacing: float = 0.2) -> Floats:
     instance("world", world, World)
     spacing = number("spacing", spacing, above=0.0)
     low, high = world.bounds
+    counts_along(high - low, spacing)
     x, y = (np.arange(low[k] + spacing / 2, high[k], spacing) for k in (0, 1))
     rows = np.stack(np.meshgrid(x, y), axis=-1)
     rows[1::2] = rows[1::2, ::-1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from itertools import pairwise
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from primfit._check import Bools, Floats, as_rows, generator, instance, integer, number
+from primfit._check import Bools, Floats, Ints, as_rows, generator, instance, integer, number
 from primfit.worlds.world import World
 
 _MOST_HEADINGS = 3600
@@ -73,12 +74,7 @@ def grid_path(
     if world.arena is None:
         margin = number("margin", margin, low=0.0)
         low, high = low - margin, high + margin
-    counts = np.maximum(np.rint((high - low) / spacing).astype(int), 1)
-    if counts.prod(dtype=float) > _MOST_POSITIONS:
-        raise ValueError(
-            f"spacing must leave at most {_MOST_POSITIONS} positions, not {spacing:g} m with "
-            f"{counts[0]} x {counts[1]}"
-        )
+    counts = np.maximum(counts_along(high - low, spacing), 1)
     x, y = (low[k] + (np.arange(counts[k]) + 0.5) * (high[k] - low[k]) / counts[k] for k in (0, 1))
     positions = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     positions = positions[is_free(world, positions, clearance)]
@@ -178,6 +174,17 @@ def waypoints(
     poses[:, 2] += np.tile(2 * np.pi * np.arange(headings) / headings, len(path))
     poses[poses[:, 2] > 2 * np.pi, 2] -= 2 * np.pi
     return poses
+
+
+def counts_along(extent: Floats, spacing: float) -> Ints:
+    """How many positions a grid has along x and y, when it is not too fine."""
+    counts = np.rint(extent / spacing)
+    if math.prod(counts.tolist()) > _MOST_POSITIONS:
+        raise ValueError(
+            f"spacing must leave at most {_MOST_POSITIONS} positions, not {spacing:g} m with "
+            f"{counts[0]:.10g} x {counts[1]:.10g}"
+        )
+    return counts.astype(int)
 
 
 def is_free(world: World, positions: ArrayLike, clearance: float = 0.0) -> Bools:

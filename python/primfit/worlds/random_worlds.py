@@ -31,6 +31,9 @@ SIZES: dict[str, tuple[float, float]] = {
 """Range of sizes, metres: sides; short sides of rectangles; outer radii of stars and polygons;
 radii of circles; short semi-axes of ellipses."""
 
+_MOST_SOLIDS = 1_000_000
+"""More are taken for a mistake: they would take days to place."""
+
 RATIO = 1.8
 """Long side of a random rectangle over its short one, and long axis of an ellipse likewise."""
 
@@ -111,16 +114,10 @@ def random_world(
     if not isinstance(sizes, Mapping | None):
         raise TypeError(f"sizes must be a mapping of kinds to sizes, not {sizes!r}")
     sizes = sizes or {}
-    if not isinstance(kinds, Iterable) or not all(isinstance(kind, str) for kind in kinds):
-        raise TypeError(f"kinds must be a sequence of names, not {kinds!r}")
-    kinds = list(kinds)
     known = SIZES | POLYHEDRA
-    for name, chosen in (("kinds", kinds), ("sizes", list(sizes))):
-        unknown = [kind for kind in chosen if kind not in known]
-        if unknown or not kinds:
-            raise ValueError(
-                f"{name} must be taken from {', '.join(known)}; not {unknown or kinds}"
-            )
+    kinds = kinds_of("kinds", kinds, known)
+    if sizes:
+        kinds_of("sizes", sizes, known)
     fewest, most = counts_of(n_solids)
     limits = {kind: range_of(f"sizes[{kind!r}]", each, above=0.0) for kind, each in sizes.items()}
     ranges = known | limits
@@ -147,11 +144,26 @@ def random_world(
     return World(solids, arena)
 
 
+def kinds_of(name: str, kinds: Iterable[str], known: Iterable[str]) -> list[str]:
+    """The kinds that an argument names: at least one, all of them known."""
+    if not isinstance(kinds, Iterable) or isinstance(kinds, np.ndarray):
+        raise TypeError(f"{name} must be a sequence of names, not {kinds!r}")
+    kinds, known = list(kinds), list(known)
+    if not all(isinstance(kind, str) for kind in kinds):
+        raise TypeError(f"{name} must be a sequence of names, not {kinds!r}")
+    unknown = [kind for kind in kinds if kind not in known]
+    if unknown or not kinds:
+        raise ValueError(f"{name} must be taken from {', '.join(known)}; not {unknown or kinds}")
+    return kinds
+
+
 def counts_of(n_solids: int | tuple[int, int]) -> tuple[int, int]:
     """Least and largest number of solids that an argument `n_solids` allows."""
     low, high = range_of("n_solids", n_solids)
-    if low < 0 or low % 1 or high % 1:
-        raise ValueError(f"n_solids must be a count or a range of counts, not {n_solids!r}")
+    if low < 0 or low % 1 or high % 1 or high > _MOST_SOLIDS:
+        raise ValueError(
+            f"n_solids must be a count or a range of counts up to {_MOST_SOLIDS}, not {n_solids!r}"
+        )
     return int(low), int(high)
 
 
