@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar, overload
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 T = TypeVar("T")
+D = TypeVar("D", bound="DataclassInstance")
 
 
 class Later(Generic[T]):
@@ -34,3 +39,24 @@ class Later(Generic[T]):
 
     def __set__(self, instance: object, value: T | Callable[[], T]) -> None:
         vars(instance)[self._name] = value
+
+
+def mapped(instance: object, name: str, change: Callable[[Any], T]) -> T | Callable[[], T]:
+    """A field changed, now or, when its function was not called yet, when that is."""
+    value = vars(instance)[name]
+    return (lambda: change(value())) if callable(value) else change(value)
+
+
+def replaced(instance: D, **changes: Any) -> D:
+    """`dataclasses.replace`, but functions that were not called yet stay uncalled."""
+    uncalled = {
+        each.name: value
+        for each in fields(instance)
+        if callable(value := vars(instance)[each.name])
+    }
+    return replace(instance, **(uncalled | changes))
+
+
+def called(instance: object) -> dict[str, Any]:
+    """The state of an instance with every function called, to be copied or pickled."""
+    return {name: getattr(instance, name) for name in vars(instance)}

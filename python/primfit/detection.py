@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit._check import Ints, choice
+from primfit._later import replaced
 from primfit.clouds.upright import uprightness
 from primfit.likelihood.detection import detect_likelihood
 from primfit.paper.detection import detect_paper
@@ -106,8 +107,8 @@ def _of_rows(found: Detection, rows: Ints, n: int) -> Detection:
     """The detection in some rows of a scan as one in the scan of `n` rows."""
     labels = np.full(n, -1, dtype=np.int64)
     labels[rows] = found.labels
-    planes = tuple(replace(plane, inliers=rows[plane.inliers]) for plane in found.planes)
-    floor = found.floor and replace(found.floor, inliers=rows[found.floor.inliers])
+    planes = tuple(replaced(plane, inliers=rows[plane.inliers]) for plane in found.planes)
+    floor = found.floor and replaced(found.floor, inliers=rows[found.floor.inliers])
     return replace(found, labels=labels, planes=planes, floor=floor)
 
 

@@ -133,15 +133,18 @@ def plot_detection(found: Detection, world: World | None = None, ax: Axes | None
 
 def plot_planes(scan: Scan, found: Detection, ax: Any) -> None:
     """Points in space, coloured by plane, with the boundary of each (a 3D axes)."""
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
     rows = _thinned(np.flatnonzero(scan.is_return))
     colors = plane_colors(len(found.planes))
     labels = found.labels[rows]
     shade = np.where(labels[:, None] >= 0, colors[labels], 190) / 255
     points = scan.points[rows]
     ax.scatter(*points.T, c=shade, s=0.4, rasterized=True, depthshade=False)
-    for plane, color in zip(found.planes, colors, strict=False):
-        outline = np.vstack([plane.boundary, plane.boundary[:1]])
-        ax.plot(*outline.T, color=tuple(color / 255), linewidth=1.0)
+    drawn = [k for k, plane in enumerate(found.planes) if len(plane.boundary)]
+    outlines = [np.vstack([found.planes[k].boundary, found.planes[k].boundary[:1]]) for k in drawn]
+    lines = Line3DCollection(outlines, colors=colors[drawn] / 255, linewidths=1.0)
+    ax.add_collection3d(lines, autolim=False)
     ax.set_xlabel("x [m]")
     ax.set_ylabel("y [m]")
     ax.set_zlabel("z [m]")

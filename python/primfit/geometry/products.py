@@ -26,3 +26,23 @@ def dot(a: Floats, b: Floats) -> float:
 def product(a: Floats, b: Floats) -> Floats:
     """Matrix product (n, m) of (n, k) and (k, m)."""
     return np.einsum("nk,km->nm", a, b)
+
+
+def lengths_of(vectors: Floats) -> Floats:
+    """Lengths (...) of vectors (..., k)."""
+    return np.sqrt(np.einsum("...k,...k->...", vectors, vectors))
+
+
+def solved(matrix: Floats, right: Floats) -> Floats:
+    """The vector (3,) that a matrix (3, 3) takes to another; not finite when it has no inverse."""
+    first, second, third = matrix
+    columns = np.cross([second, third, first], [third, first, second])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return product(right[None], columns)[0] / np.einsum("k,k", first, columns[0])
+
+
+def turned_by(turn: Floats) -> Floats:
+    """Matrix (3, 3) of a rotation about a vector (3,), by about its length in radians (Cayley)."""
+    x, y, z = (turn / 2).tolist()
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + 2.0 / (1.0 + x * x + y * y + z * z) * (cross + product(cross, cross))

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
@@ -14,9 +13,9 @@ from primfit import _primfit
 from primfit._check import Bools, Floats, Ints, generator, integer, n_jobs_or_none, number
 from primfit.clouds.cloud import Cloud
 from primfit.clouds.noise import FLOOR
-from primfit.geometry.products import dot, dots, product
-from primfit.planes.outlines import outline
-from primfit.planes.plane import Plane, Planes, axes_of
+from primfit.geometry.products import dot, dots
+from primfit.planes.outlines import Outlines
+from primfit.planes.plane import Plane, Planes
 from primfit.planes.ransac import NoisyPoints, Orientation, PlaneModel, fit
 from primfit.planes.scan_planes import SIGMAS, Progress, check_enough
 from primfit.planes.surfaces import flat_parts
@@ -125,6 +124,7 @@ def detect_planes(
     rows = np.flatnonzero(returns)
     directions = np.ascontiguousarray(scan.directions[rows]) if scan.has_origins else None
     members = _members(parts.labels)
+    outlines = Outlines(n_jobs)
     planes: list[Plane] = []
     thresholds: list[float] = []
     labels = np.full(len(scan), -1, dtype=np.int64)
@@ -145,7 +145,17 @@ def detect_planes(
             model, is_near, reach = fitted
             inliers = rows[own[is_near]]
             labels[inliers] = len(planes)
-            planes.append(_plane_of(model, scan.points[inliers], inliers).moved(offset))
+            outline = outlines.of(model.equation, scan.points[inliers])
+            plane = Plane(
+                equation=model.equation,
+                inliers=inliers,
+                boundary=outline.boundary,
+                area=outline.area,
+                rms=model.rms,
+                covariance=model.covariance,
+                holes=outline.holes,
+            )
+            planes.append(plane.moved(offset))
             thresholds.append(reach)
     if given is not None:
         used = float(np.median(given))
@@ -204,28 +214,3 @@ def _fit_part(
     if np.sqrt(np.mean(distance**2)) > _WORSE * spread:
         return None
     return model, np.abs(distance) <= reach, reach
-
-
-def _plane_of(model: PlaneModel, points: Floats, inliers: Ints) -> Plane:
-    equation = model.equation
-    axes = axes_of(equation[:3])
-    place = points.mean(axis=0)
-    place = place - (dot(equation[:3], place) + equation[3]) * equation[:3]
-    local = points - place
-    # Each axis by itself, which is faster to go through.
-    at = np.stack([dots(local, axis) for axis in axes]).T
-    shape = shapely.geometry.polygon.orient(outline(at))
-    middle = at.mean(axis=0)
-    rings = [
-        place + product(shapely.get_coordinates(ring)[:-1] + middle, axes)
-        for ring in ((shape.exterior, *shape.interiors) if not shape.is_empty else ())
-    ]
-    return Plane(
-        equation=equation,
-        inliers=inliers,
-        boundary=rings[0] if rings else np.empty((0, 3)),
-        area=float(shape.area),
-        rms=model.rms,
-        covariance=model.covariance,
-        holes=tuple(rings[1:]),
-    )

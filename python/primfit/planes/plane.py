@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import shapely
 from scipy.spatial import ConvexHull, QhullError
 
 from primfit._check import Floats, Ints, writable
+from primfit._later import Later, called, mapped, replaced
 from primfit.geometry.products import product
 
 
@@ -28,7 +29,8 @@ class Plane:
         Rows of the scan or cloud.
     boundary : (k, 3) float64, metres
         Outline of the inliers within the plane, counter-clockwise around the normal. Convex where
-        it comes with solids; from `detect_planes` it may be concave.
+        it comes with solids; from `detect_planes` it may be concave, and is drawn, with those of
+        all planes of the call, when the first of them is asked for.
     area : float, square metres
         Within the boundary, less the holes.
     rms : float, metres
@@ -42,15 +44,21 @@ class Plane:
 
     equation: Floats
     inliers: Ints
-    boundary: Floats
-    area: float
-    rms: float
-    covariance: Floats
-    holes: tuple[Floats, ...] = ()
+    boundary: Later[Floats] = Later()  # noqa: RUF009
+    area: Later[float] = Later()  # noqa: RUF009
+    # A field that may come later has no default, which mypy cannot tell.
+    rms: float  # type: ignore[misc]
+    covariance: Floats  # type: ignore[misc]
+    holes: Later[tuple[Floats, ...]] = Later(())  # noqa: RUF009
 
     def __post_init__(self) -> None:
         for name in ("equation", "inliers", "boundary", "covariance"):
-            object.__setattr__(self, name, writable(getattr(self, name)))
+            value = vars(self)[name]
+            if not callable(value):
+                object.__setattr__(self, name, writable(value))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return called(self)
 
     @property
     def center(self) -> Floats:
@@ -74,12 +82,12 @@ class Plane:
         """The plane moved by a vector (3,), metres."""
         shift = np.eye(4)
         shift[3, :3] = -offset
-        return replace(
+        return replaced(
             self,
             equation=product(shift, self.equation[:, None])[:, 0],
-            boundary=self.boundary + offset,
+            boundary=mapped(self, "boundary", lambda ring: ring + offset),
             covariance=product(product(shift, self.covariance), shift.T),
-            holes=tuple(hole + offset for hole in self.holes),
+            holes=mapped(self, "holes", lambda holes: tuple(hole + offset for hole in holes)),
         )
 
     def __repr__(self) -> str:

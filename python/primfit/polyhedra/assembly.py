@@ -75,6 +75,10 @@ def find_polyhedra(
     place = np.median(cloud[finite], axis=0) if finite.any() else np.zeros(3)
     local = cloud - place
     faces = [Face.of(plane.moved(-place), local) for plane in chosen]
+    is_loose = np.array(finite)
+    for plane in chosen:
+        is_loose[plane.inliers] = False
+    loose = local[is_loose]
     edges = meet(faces)
     graph = nx.Graph(edges)
     solids, shells = [], []
@@ -82,7 +86,7 @@ def find_polyhedra(
         solid = closed_solid(group, faces, graph, facing)
         found = [] if solid is None else [solid]
         if solid is None or OPEN in solid.planes:
-            boxes = boxes_among(group, faces, graph, facing)
+            boxes = boxes_among(group, faces, graph, facing, loose)
             # Where faces are inferred, a box that explains all others is likelier.
             if solid is None or any(set(group) <= set(box.planes) for box in boxes):
                 found = boxes

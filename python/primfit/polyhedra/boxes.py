@@ -10,6 +10,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from primfit._check import Floats
+from primfit.geometry.products import dots, lengths_of, product
 from primfit.polyhedra.adjacency import OPEN, Face
 from primfit.polyhedra.box_fit import box_through
 from primfit.polyhedra.found import FoundPolyhedron
@@ -28,6 +29,12 @@ _EXACT = 1e-3
 _FILLED = 0.8
 """Share of each face of a box that its plane must cover."""
 
+_EXPLAINED = 0.9
+"""Share of the points of a piece that must lie as near a box as those of its faces do."""
+
+_ROUNDS = 4
+"""Most rounds of putting pieces together; two or three are enough."""
+
 _CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
 """Which end of each axis each corner of a box is at."""
 
@@ -38,9 +45,11 @@ _AROUND = np.array(
 
 
 def boxes_among(
-    group: list[int], faces: list[Face], graph: nx.Graph, facing: bool
+    group: list[int], faces: list[Face], graph: nx.Graph, facing: bool, loose: Floats
 ) -> list[FoundPolyhedron]:
     """Boxes of which planes that meet are two or three faces, the ones with more and larger first.
+
+    Points (n, 3) of no plane are `loose`.
 
     Two must rest on a plane that goes on beyond the box; where normals are not `facing` the sensor,
     three must, since two may be a corner of a room.
@@ -57,14 +66,45 @@ def boxes_among(
     for chosen in met:
         if not used.isdisjoint(chosen):
             continue
-        try:
-            box = _Box.of(sorted(chosen), faces, graph)
-        except ValueError:
-            continue
-        if box.is_there(faces, facing):
-            boxes.append(box.found(faces))
-            used.update(box.seen.values())
+        box, own, pieces = _box_of(sorted(chosen), faces, graph, facing, loose)
+        if box is not None:
+            boxes.append(box.found(own))
+            used.update(box.seen.values(), pieces)
     return boxes
+
+
+def _box_of(
+    chosen: list[int],
+    faces: list[Face],
+    graph: nx.Graph,
+    facing: bool,
+    loose: Floats,
+) -> tuple[_Box | None, list[Face], set[int]]:
+    """The box with these faces, the faces with pieces put together, and the pieces of its own.
+
+    What bends a face may break it: where a sensor does, what the box explains is its own.
+    """
+    pieces: set[int] = set()
+    for n_rounds in range(_ROUNDS):
+        try:
+            box = _Box.of(chosen, faces, graph)
+        except (ValueError, FloatingPointError):
+            break
+        if box.is_there(faces, facing):
+            return box, faces, pieces
+        if not facing or len(chosen) < 3:
+            break
+        if not n_rounds and not _is_bent([faces[i] for i in chosen]):
+            break
+        far = np.concatenate([box.distances(faces[i].points).min(axis=1) for i in chosen])
+        near = 3.0 * float(np.sqrt(np.mean(far**2)))
+        more = box.pieces(set(range(len(faces))) - pieces, faces, near)
+        if n_rounds and not more:
+            break
+        others = [loose[box.distances(loose).min(axis=1) <= near]] if not n_rounds else []
+        faces = box.with_points([*(faces[i].points for i in sorted(more)), *others], faces)
+        pieces |= more
+    return None, faces, pieces
 
 
 def _is_corner(one: Face, two: Face, facing: bool) -> bool:
@@ -113,7 +153,7 @@ class _Box:
     @classmethod
     def _through(cls, chosen: list[int], faces: list[Face]) -> _Box:
         normals = np.stack([faces[i].equation[:3] for i in chosen])
-        frame, numbers, ends = box_through(normals, [faces[i].points for i in chosen])
+        frame, numbers, ends, _ = box_through(normals, [faces[i].points for i in chosen])
         return cls(frame, ends, dict(zip(numbers.tolist(), chosen, strict=True)), {})
 
     def _at_ends(self, planes: set[int], faces: list[Face]) -> dict[int, int]:
@@ -156,6 +196,41 @@ class _Box:
         normals = np.stack([face.equation[:3] for face in own])
         off = np.abs(normals @ self.frame.T).max(axis=1).min()
         return bool(off >= np.cos(_STRAIGHT)) or _is_bent(own)
+
+    def pieces(self, planes: set[int], faces: list[Face], near: float) -> set[int]:
+        """The planes whose points are near the box."""
+        return {
+            i
+            for i in planes.difference(self.seen.values())
+            if not faces[i].polygon.is_empty
+            and self.distances(faces[i].boundary.mean(axis=0)[None]).min() <= near
+            and np.mean(self.distances(faces[i].points).min(axis=1) <= near) >= _EXPLAINED
+        }
+
+    def with_points(self, more: list[Floats], faces: list[Face]) -> list[Face]:
+        """The faces with the points of those of the box and more, each at the nearest."""
+        points = np.concatenate([*(faces[i].points for i in self.seen.values()), *more])
+        nearest = self.distances(points).argmin(axis=1)
+        together = list(faces)
+        for row, (number, plane) in enumerate(self.seen.items()):
+            normal = (2 * (number % 2) - 1) * self.frame[number // 2]
+            own = points[nearest == row]
+            if len(own):
+                equation = np.append(normal, -dots(own, normal).mean())
+                together[plane] = Face.through(equation, own)
+        return together
+
+    def distances(self, points: Floats) -> Floats:
+        """Of points (n, 3) to each face that was seen (n, k)."""
+        at = product(points, self.frame.T)
+        beyond = np.maximum(np.maximum(self.ends[0] - at, at - self.ends[1]), 0.0)
+        columns = []
+        for number in self.seen:
+            axis, upper = divmod(number, 2)
+            off = beyond.copy()
+            off[:, axis] = at[:, axis] - self.ends[upper, axis]
+            columns.append(lengths_of(off))
+        return np.stack(columns, axis=1)
 
     def _is_filled(self, number: int, face: Face) -> bool:
         """Whether a plane has the outline of a face of the box, to half of its reach."""

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from primfit._check import Floats, Ints
-from primfit.polyhedra.adjacency import OPEN, Face
+from primfit.polyhedra.adjacency import OPEN, Face, clear_of
 from primfit.polyhedra.convex import convex_corners
 from primfit.polyhedra.found import FoundPolyhedron
 from primfit.polyhedra.joint_fit import fitted_together, scatter_of
@@ -18,9 +18,6 @@ from primfit.polyhedra.naming import found_solid
 from primfit.polyhedra.open_surface import OpenSurface, Rim
 from primfit.polyhedra.unseen import Unseen, unseen_faces
 from primfit.worlds.polyhedron import Polyhedron
-
-_EDGE = 4.0
-"""Standard deviations from the plane of a neighbour within which a point may be its own."""
 
 _SHORTEST = 0.5
 """Length of an edge that counts as one, over how far from an edge an outline may end."""
@@ -93,13 +90,9 @@ def _ways_to_close(
 
 
 def _seen_scatter(i: int, faces: list[Face], graph: nx.Graph) -> Floats:
-    """Of the points away from the neighbours, which take those on one side near an edge."""
-    points = faces[i].points
-    inside = np.ones(len(points), dtype=bool)
-    for other in (faces[j] for j in graph[i]):
-        inside &= np.abs(points @ other.equation[:3] + other.equation[3]) > _EDGE * other.rms
-    if inside.sum() > len(points) / 2:
-        points = points[inside]
+    others = [faces[j] for j in graph[i]]
+    equations = np.reshape([other.equation for other in others], (-1, 4))
+    points = clear_of(faces[i].points, equations, np.array([other.rms for other in others]))
     return scatter_of(points, max(faces[i].rms, 1e-9))
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from primfit.clouds.pinhole import is_of_pinhole
 from primfit.planes.detection import detect_planes
 from primfit.planes.scan_planes import Progress
 from primfit.polyhedra.assembly import find_polyhedra
@@ -33,7 +36,9 @@ def detect_by_planes(
     Parameters
     ----------
     scan : Scan
-        With origins or without, as recorded.
+        With origins or without, as recorded. Points without origins that are pixels of a camera
+        tell themselves that it was in the origin (`settings["camera_in_origin"]`): then normals
+        point to it, and what was seen from outside is told from what was seen from inside.
     rng, orientation, max_angle, sigma, threshold, min_points, n_jobs, progress
         As those of `detect_planes`.
 
@@ -51,8 +56,10 @@ def detect_by_planes(
     >>> primfit.detect(points)
     Detection(1 solid: rectangle; no arena; 6 planes; sigma 0 mm)
     """
+    is_of_camera = not scan.has_origins and is_of_pinhole(scan.points[scan.is_return])
+    seen = Scan.from_points(scan.points, np.zeros(3), scan.sigma) if is_of_camera else scan
     planes = detect_planes(
-        scan,
+        seen,
         sigma=sigma,
         rng=rng,
         orientation=orientation,
@@ -62,7 +69,7 @@ def detect_by_planes(
         n_jobs=n_jobs,
         progress=progress,
     )
-    polyhedra = find_polyhedra(planes, scan.points, facing=scan.has_origins)
+    polyhedra = find_polyhedra(planes, scan.points, facing=seen.has_origins)
     return Detection(
         scan=scan,
         method="planes",
@@ -72,6 +79,6 @@ def detect_by_planes(
         arena=None,
         floor=None,
         sigma=planes.sigma,
-        settings=planes.settings,
+        settings=planes.settings | {"camera_in_origin": is_of_camera},
         shells=polyhedra.shells,
     )

@@ -13,6 +13,7 @@ mod instructions;
 mod lanes;
 mod likelihood;
 mod neighbors;
+mod outlines;
 pub mod ply;
 mod rays;
 mod scoring;
@@ -30,6 +31,7 @@ pub use likelihood::{
     Prices, Region, Slope, Spans, carve, prism_costs, prism_ranges, sample, wall_depths,
 };
 pub use neighbors::{LocalPlane, Neighbor, PointTree};
+pub use outlines::{Outline, Place, outlines, thinned};
 pub use rays::{Gate, Hits, RayCaster, Readings, Transform, turned};
 pub use scoring::{Score, score_planes};
 pub use segmentation::{Segmentation, segment};

@@ -1,6 +1,9 @@
 //! Arrays as slices of rows, and back.
 
-use numpy::{Element, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
+use numpy::{
+    Element, IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadwriteArray2,
+    PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -22,6 +25,15 @@ pub fn rows_mut<'a, T: Element, const N: usize>(
     check_width(name, array.shape(), N)?;
     let flat = array.as_slice_mut().map_err(|_| not_contiguous(name))?;
     Ok(flat.as_chunks_mut().0)
+}
+
+/// Rows as an `(n, N)` array, without a copy.
+pub fn from_rows<T: Element, const N: usize>(
+    py: Python<'_>,
+    rows: Vec<[T; N]>,
+) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let n = rows.len();
+    rows.into_flattened().into_pyarray(py).reshape([n, N])
 }
 
 fn check_width(name: &str, shape: &[usize], width: usize) -> PyResult<()> {

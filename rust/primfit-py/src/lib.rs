@@ -15,6 +15,7 @@ mod family;
 mod likelihood;
 mod lines;
 mod neighbors;
+mod outlines;
 mod planes;
 mod tables;
 
@@ -36,6 +37,8 @@ mod _primfit {
     use crate::lines::LevelLines;
     #[pymodule_export]
     use crate::neighbors::PointTree;
+    #[pymodule_export]
+    use crate::outlines::{outlines, thinned};
     #[pymodule_export]
     use crate::planes::{fit_plane, fit_plane_to_ranges, score_planes, thinnest};
     #[pymodule_export]
