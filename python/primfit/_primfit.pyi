@@ -23,6 +23,7 @@ __all__ = [
     "residuals",
     "sample",
     "score_planes",
+    "segment_image",
     "thinnest",
     "turned",
 ]
@@ -243,6 +244,12 @@ def score_planes(
     msac: bool = False,
     n_jobs: int | None = None,
 ) -> NDArray[np.float64]: ...
+def segment_image(
+    points: NDArray[np.float64],
+    width: int,
+    sigma: NDArray[np.float64] | None = None,
+    n_jobs: int | None = None,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]: ...
 def thinned(points: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def thinnest(points: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def turned(poses: NDArray[np.float64], beams: NDArray[np.float64]) -> NDArray[np.float64]: ...

@@ -38,9 +38,9 @@ def detect(
 
     Parameters
     ----------
-    scan : Scan, Cloud or (n, 3) float64, metres
-        The raw scan, floor returns included, or a bare cloud. Rows without a point, as those of
-        depth cameras (see `Scan.from_points`), get label -1.
+    scan : Scan, Cloud, (n, 3) or (h, w, 3) float64, metres
+        The raw scan, floor returns included, or a cloud, bare or organised. Rows without a point,
+        as those of depth cameras (see `Scan.from_points`), get label -1.
     method : str or None
         "likelihood": solids that explain all ranges, returned or not, which stands noise as large
         as the solids (see `detect_likelihood`); it asks where the beams began, and should know how

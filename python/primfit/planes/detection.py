@@ -14,6 +14,7 @@ from primfit._check import Bools, Floats, Ints, generator, integer, n_jobs_or_no
 from primfit.clouds.cloud import Cloud
 from primfit.clouds.noise import FLOOR
 from primfit.geometry.products import dot, dots
+from primfit.planes.organised import image_of, image_parts
 from primfit.planes.outlines import Outlines
 from primfit.planes.plane import Plane, Planes
 from primfit.planes.ransac import NoisyPoints, Orientation, PlaneModel, fit
@@ -45,17 +46,25 @@ def detect_planes(
 
     The smallest flat neighbourhood of each point tells the noise there; parts grow from the
     flattest ones, compete for the points and are put together where one plane explains two (see
-    `primfit.surfaces`). Curved surfaces and scattered points stay without a plane. Coplanar parts
-    with a gap between them are planes of their own.
+    `primfit.planes.surfaces`). Curved surfaces and scattered points stay without a plane. Coplanar
+    parts with a gap between them are planes of their own.
+
+    An organised cloud, of at least 8 rows and columns, has a path of its own, about ten times as
+    fast: its image tells which points are neighbours (see `primfit.planes.organised`). It is one as
+    (h, w, 3), which `points_of_depth` gives, as a `Cloud` with a shape, which `read_cloud` makes of
+    a PCD file of several rows, or as a `Scan` of a single pose with layers and columns. There,
+    parts of a plane that do not touch in the image, since something in front hides what is between,
+    are planes of their own. ``points.reshape(-1, 3)`` takes the path of other clouds.
 
     Parameters
     ----------
-    points : (n, 3) float64, metres, or Scan
+    points : (n, 3) or (h, w, 3) float64, metres, Cloud or Scan
+        Pixels without a point are NaN or 0 0 0; labels and inliers count pixels row by row.
     origins : (n, 3), (3,) or None, metres
         Where the sensor was; with it planes are fitted to the ranges, and their normals point to
         the sensor. Else the largest component of each normal is positive.
     sigma : float, (n,) or None, metres
-        Noise; None is estimated around each point.
+        Noise; None is estimated around each point. Of an image (h, w), it is (h * w,).
     rng : None, int or numpy.random.Generator
         Taken as everywhere else; nothing is drawn at random here.
     orientation : str or (3,)
@@ -120,8 +129,12 @@ def detect_planes(
     if noise is not None and not noise.any():
         noise = None
     cloud = scan.points if n_returns == len(scan) else scan.points[returns]
-    parts = flat_parts(cloud, noise, n_jobs)
     rows = np.flatnonzero(returns)
+    image = image_of(scan)
+    if image is None:
+        parts = flat_parts(cloud, noise, n_jobs)
+    else:
+        parts = image_parts(scan.points, image, _spread_out(noise, returns), n_jobs).select(rows)
     directions = np.ascontiguousarray(scan.directions[rows]) if scan.has_origins else None
     members = _members(parts.labels)
     outlines = Outlines(n_jobs)
@@ -170,6 +183,15 @@ def detect_planes(
         "min_points": least,
     }
     return Planes(tuple(planes), labels, used, np.array(thresholds), settings)
+
+
+def _spread_out(noise: Floats | None, returns: Bools) -> Floats | None:
+    """The noise of all beams, 0 where none came back, from that of the returns."""
+    if noise is None:
+        return None
+    all_noise = np.zeros(len(returns))
+    all_noise[returns] = noise
+    return all_noise
 
 
 def _members(labels: Ints) -> list[Ints]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +33,10 @@ class FlatParts:
     sigma: Floats
     n_neighbors: int
     stride: int
+
+    def select(self, rows: Ints) -> FlatParts:
+        """The parts of some of the points."""
+        return replace(self, labels=self.labels[rows], sigma=self.sigma[rows])
 
 
 def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None = None) -> FlatParts:

@@ -183,9 +183,11 @@ class Scan:
 
         Parameters
         ----------
-        points : (n, 3) float64, metres, or Cloud
-            Rows that are not finite are no returns. Nor are those of exactly 0 0 0 of an organised
-            cloud, and of one with a single origin: so do sensors write that nothing came back.
+        points : (n, 3) or (h, w, 3) float64, metres, or Cloud
+            An organised cloud, (h, w, 3) or with a shape, is taken row by row; row and column of
+            each pixel become `layer` and `column`. Rows that are not finite are no returns. Nor are
+            those of exactly 0 0 0 of an organised cloud, and of one with a single origin: so do
+            sensors write that nothing came back.
         origins : (n, 3), (3,) or None, metres
             Where the sensor was, for each point or for all; None is not known.
         sigma : float or (n,) or None, metres
@@ -205,10 +207,13 @@ class Scan:
         >>> primfit.Scan.from_points([[1, 0, 0], [2, 0, 0]], origins=(0, 0, 0)).ranges
         array([1., 2.])
         """
+        shape = points.shape if isinstance(points, Cloud) else None
+        if np.ndim(points) == 3:
+            image = np.asarray(points)
+            shape, points = image.shape[:2], image.reshape(-1, image.shape[2])
         cloud = as_rows("points", points, 3, finite=False)
         is_point = np.asarray(np.isfinite(cloud).all(axis=1))
-        has_pixels = isinstance(points, Cloud) and points.shape is not None
-        if has_pixels or (origins is not None and np.shape(origins) == (3,)):
+        if shape is not None or (origins is not None and np.shape(origins) == (3,)):
             is_point &= cloud.any(axis=1)
         n = len(cloud)
         if not is_point.all():
@@ -226,6 +231,7 @@ class Scan:
                 origins=unknown,
                 directions=unknown,
                 ranges=unknown[:, 0],
+                **_places(shape),
                 sigma=as_sigma(sigma, n),
                 min_range=nearest,
                 max_range=farthest,
@@ -241,6 +247,7 @@ class Scan:
             origins=starts,
             directions=(cloud - starts) / ranges[:, None],
             ranges=ranges,
+            **_places(shape),
             sigma=as_sigma(sigma, n),
             min_range=nearest,
             max_range=farthest,
@@ -355,6 +362,17 @@ class Scan:
             sigma = f", sigma {float(np.max(self.sigma, initial=0.0)) * 1000:g} mm"
         beams = f"{len(self)} beam{'s' * (len(self) != 1)}"
         return f"Scan({beams}{poses}, {n} return{'s' * (n != 1)}{sigma})"
+
+
+def _places(shape: tuple[int, int] | None) -> dict[str, Any]:
+    """Layer and column of each pixel of an image; nothing for other clouds."""
+    if shape is None or min(shape) < 2:
+        return {}
+    height, width = shape
+    return {
+        "layer": lambda: np.repeat(np.arange(height), width),
+        "column": lambda: np.tile(np.arange(width), height),
+    }
 
 
 def one_or_each(name: str, values: ArrayLike, n: int) -> Floats:

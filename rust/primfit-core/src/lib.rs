@@ -13,6 +13,7 @@ mod instructions;
 mod lanes;
 mod likelihood;
 mod neighbors;
+mod organised;
 mod outlines;
 pub mod ply;
 mod rays;
@@ -31,6 +32,7 @@ pub use likelihood::{
     Prices, Region, Slope, Spans, carve, prism_costs, prism_ranges, sample, wall_depths,
 };
 pub use neighbors::{LocalPlane, Neighbor, PointTree};
+pub use organised::{ImageSegmentation, segment_image};
 pub use outlines::{Outline, Place, outlines, thinned};
 pub use rays::{Gate, Hits, RayCaster, Readings, Transform, turned};
 pub use scoring::{Score, score_planes};

@@ -2,7 +2,7 @@
 
 mod acceptance;
 mod continuation;
-mod curvature;
+pub(crate) mod curvature;
 mod gaps;
 mod graph;
 mod growth;

@@ -40,7 +40,7 @@ mod _primfit {
     #[pymodule_export]
     use crate::outlines::{outlines, thinned};
     #[pymodule_export]
-    use crate::planes::{fit_plane, fit_plane_to_ranges, score_planes, thinnest};
+    use crate::planes::{fit_plane, fit_plane_to_ranges, score_planes, segment_image, thinnest};
     #[pymodule_export]
     use crate::tables::{format_rows, parse_rows, ply_bytes, ply_words};
 }

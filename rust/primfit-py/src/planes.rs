@@ -9,6 +9,8 @@ use pyo3::prelude::*;
 
 type Fit<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, f64);
 
+type Labelled<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<f64>>);
+
 #[pyfunction]
 #[pyo3(signature = (points, equations, threshold, directions=None, msac=false, n_jobs=None))]
 pub fn score_planes<'py>(
@@ -65,6 +67,32 @@ pub fn fit_plane_to_ranges<'py>(
         primfit_core::fit_plane_to_ranges(points, directions, sigmas, equation, normal_space)
     });
     fit.map(|fit| to_arrays(py, fit)).transpose()
+}
+
+/// The plane of each pixel of an image whose rows are `width` long, -1 for none; the noise around each.
+#[pyfunction]
+#[pyo3(signature = (points, width, sigma=None, n_jobs=None))]
+pub fn segment_image<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<f64>,
+    width: usize,
+    sigma: Option<PyReadonlyArray1<f64>>,
+    n_jobs: Option<usize>,
+) -> PyResult<Labelled<'py>> {
+    let points = rows("points", &points)?;
+    if width == 0 || !points.len().is_multiple_of(width) || points.len() >= u32::MAX as usize {
+        let n = points.len();
+        return Err(PyValueError::new_err(format!("{n} points are no rows of {width} pixels")));
+    }
+    let sigma = sigma.as_ref().map(|sigma| sigma.as_slice()).transpose()?;
+    if let Some(sigma) = sigma {
+        same_length("sigma", sigma.len(), "points", points.len())?;
+    }
+    let found = door::enter(py, n_jobs, |workers| {
+        primfit_core::segment_image(points, width, sigma, workers)
+    })?;
+    let labels: Vec<i64> = found.labels.into_iter().map(i64::from).collect();
+    Ok((labels.into_pyarray(py), found.sigma.into_pyarray(py)))
 }
 
 /// The direction (3,) in which points spread least.

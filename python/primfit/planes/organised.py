@@ -1,0 +1,75 @@
+"""Flat parts of organised clouds: the image of a sensor tells which points are neighbours."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from primfit import _primfit
+from primfit._check import Floats, Ints
+from primfit.planes.surfaces import FlatParts
+from primfit.scans.scan import Scan
+
+_LEAST_SIDE = 8
+"""Rows and columns of an image, below which it tells no more than the points by themselves."""
+
+_MOST_EMPTY = 4
+"""Pixels of an image for each beam, above which layers and columns are no image."""
+
+
+def image_of(scan: Scan) -> Ints | None:
+    """The row of the scan in each pixel (h, w), -1 for none; None when it is no single image."""
+    layer, column = scan.layer, scan.column
+    if layer is None or column is None or not len(scan):
+        return None
+    if scan.pose_index is not None and (scan.pose_index != scan.pose_index[0]).any():
+        return None
+    low, left = int(layer.min()), int(column.min())
+    height, width = int(layer.max()) - low + 1, int(column.max()) - left + 1
+    if min(height, width) < _LEAST_SIDE or height * width > _MOST_EMPTY * len(scan):
+        return None
+    pixels = (layer - low) * width + (column - left)
+    image = np.full(height * width, -1, dtype=np.int64)
+    image[pixels] = np.arange(len(scan))
+    # Two beams in one pixel are no image.
+    if np.count_nonzero(image >= 0) < len(scan):
+        return None
+    return image.reshape(height, width)
+
+
+def image_parts(
+    points: Floats, image: Ints, sigma: Floats | None = None, n_jobs: int | None = None
+) -> FlatParts:
+    """Connected flat parts of an organised cloud, without any scale given.
+
+    Cells of the image that are flat grow over cells beside them on the same plane, and merge while
+    one plane explains both; then pixels compete. Parts that bend, or go on beyond their border on a
+    surface that bends, are none (after Proenca and Gao, "Fast cylinder and plane extraction from
+    depth cameras for visual odometry", IROS 2018, which has the cells). The noise comes from second
+    differences along rows and columns, which a plane does not have whatever its tilt; steps of
+    quantised depth, and errors that neighbours share, are found and raise it.
+
+    Parameters
+    ----------
+    points : (n, 3) float64, metres
+        NaN where there is none.
+    image : (h, w) int64
+        Row of each pixel, -1 for none. Rows of pixels may be shifted against each other, as those
+        of spinning sensors whose beams point to different sides.
+    sigma : (n,) float64 or None, metres
+        Noise across the surfaces; None is estimated.
+    n_jobs : int or None
+        Threads; the result does not depend on them.
+    """
+    rows = image.ravel()
+    if len(rows) == len(points) and (rows == np.arange(len(points))).all():
+        labels, noise = _primfit.segment_image(
+            np.ascontiguousarray(points), image.shape[1], sigma, n_jobs
+        )
+        return FlatParts(labels, noise, 4, 1)
+    pixels = np.where((rows >= 0)[:, None], points[rows], np.nan)
+    given = None if sigma is None else np.where(rows >= 0, sigma[rows], 0.0)
+    of_pixel, noise_of_pixel = _primfit.segment_image(pixels, image.shape[1], given, n_jobs)
+    labels, noise = np.full(len(points), -1), np.zeros(len(points))
+    labels[rows[rows >= 0]] = of_pixel[rows >= 0]
+    noise[rows[rows >= 0]] = noise_of_pixel[rows >= 0]
+    return FlatParts(labels, noise, 4, 1)

@@ -1,0 +1,342 @@
+//! Regions of cells: from the flattest, over neighbours on the same plane, then merged.
+
+use super::cells::{Flat, Pyramid, children, sum};
+use crate::spread::Moments;
+use std::collections::{BTreeSet, BinaryHeap};
+
+/// No region.
+pub const NOBODY: i32 = -1;
+/// Share of what rounding leaves of the extent of a region, as its least noise.
+const FLOOR: f64 = 1e-6;
+/// Least points of a cell, and least share of its pixels with one.
+const FEWEST: f64 = 8.0;
+const FILLED: f64 = 0.25;
+/// Cells of one size in a row or column that may be flat together where none is by itself: faces as
+/// narrow as a cell, near the sensor, whose noise is as large as it.
+const LONGEST: usize = 4;
+/// Second smallest over smallest variance of a flat cell: by chance 6 in 48 points, more in fewer.
+const FLAT: f64 = 6.0;
+const FLAT_BY_CHANCE: f64 = 288.0;
+/// Second smallest over largest variance, below which points are on a line.
+const LINE: f64 = 1e-4;
+/// Standard deviation of a cell's points about the plane of a region, in those of the noise, up to
+/// which it may be of it.
+pub const ROUGH: f64 = 1.6;
+/// How much a region grows between two fits.
+const REFIT: f64 = 1.5;
+/// Squared distance, in variances, that each point of the smaller of two regions may move.
+const MOVE: f64 = 0.25;
+/// How much larger than the smaller variance of two regions the common one may be.
+const UNEQUAL: f64 = 4.0;
+/// Least points of regions that are merged.
+const LEAST: f64 = 3.0;
+/// What a plane costs, in variances, times the logarithm of its points.
+const PLANE: f64 = 4.0;
+
+/// Points on one plane.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Region {
+    /// Moments of the points.
+    pub moments: Moments,
+    /// Sum of the variances of their noise.
+    pub noise: f64,
+}
+
+impl Region {
+    /// Of the points of both.
+    pub fn joined(&self, other: &Self) -> Self {
+        Self { moments: sum(&self.moments, &other.moments), noise: self.noise + other.noise }
+    }
+
+    /// Standard deviation of the noise of its points, at least what rounding leaves.
+    pub fn sigma(&self, flat: &Flat) -> f64 {
+        let floor = FLOOR * flat.variances[2].sqrt();
+        (self.noise / self.moments.count).sqrt().max(floor).max(f64::MIN_POSITIVE)
+    }
+
+    /// Mean squared distance of its points from a plane.
+    fn off(&self, plane: &Flat) -> f64 {
+        let [xx, xy, xz, yy, yz, zz] = self.moments.scatter;
+        let [a, b, c] = plane.normal;
+        let scatter =
+            a * (a * xx + 2.0 * (b * xy + c * xz)) + b * (b * yy + 2.0 * c * yz) + c * c * zz;
+        scatter / self.moments.count + plane.distance(&self.moments.mean).powi(2)
+    }
+}
+
+/// Flat cells of any size, which do not overlap.
+struct Nodes {
+    /// Node of each of the smallest cells.
+    of_cell: Vec<i32>,
+    /// Their points, from the largest cells to the smallest.
+    regions: Vec<Region>,
+    flats: Vec<Flat>,
+}
+
+/// Region of each of the smallest cells, and the regions; those that no cell names are empty of them.
+pub fn regions(pyramid: &Pyramid, noise: &[f64], is_ring: bool) -> (Vec<i32>, Vec<Region>) {
+    let nodes = flat_cells(pyramid, noise);
+    let touching = touching(&nodes.of_cell, pyramid.levels[0].width, is_ring, nodes.regions.len());
+    let (of_node, mut regions) = grow(&nodes, &touching);
+    let mut beside = vec![BTreeSet::new(); regions.len()];
+    for (a, others) in touching.iter().enumerate() {
+        let own = of_node[a] as usize;
+        let others = others.iter().map(|&b| of_node[b as usize] as usize);
+        beside[own].extend(others.filter(|&other| other != own));
+    }
+    let into = merge(&mut regions, beside);
+    let of =
+        |&node: &i32| if node == NOBODY { NOBODY } else { into[of_node[node as usize] as usize] };
+    (nodes.of_cell.iter().map(of).collect(), regions)
+}
+
+/// The largest flat cells.
+fn flat_cells(pyramid: &Pyramid, noise: &[f64]) -> Nodes {
+    let mut squares = vec![weighted(&pyramid.levels[0].moments, noise)];
+    for k in 1..pyramid.levels.len() {
+        let (level, below) = (&pyramid.levels[k], &pyramid.levels[k - 1]);
+        let own = (0..level.moments.len())
+            .map(|place| children(level, below, place).map(|i| squares[k - 1][i]).sum())
+            .collect();
+        squares.push(own);
+    }
+    let mut nodes =
+        Nodes { of_cell: vec![NOBODY; noise.len()], regions: Vec::new(), flats: Vec::new() };
+    let mut open: Vec<usize> =
+        (0..pyramid.levels[pyramid.levels.len() - 1].moments.len()).collect();
+    for k in (0..pyramid.levels.len()).rev() {
+        let level = &pyramid.levels[k];
+        let full = (pyramid.cell.0 * pyramid.cell.1) as f64 * f64::from(1 << (2 * k));
+        let region =
+            |place: usize| Region { moments: level.moments[place], noise: squares[k][place] };
+        open.retain(|&place| level.moments[place].count >= FEWEST);
+        open.sort_unstable();
+        let mut is_open = vec![false; level.moments.len()];
+        for &place in &open {
+            is_open[place] = true;
+        }
+        for length in 1..=LONGEST {
+            for step in [1, level.width].into_iter().take(length.min(2)) {
+                for &place in &open {
+                    let row = |step| (0..length).map(move |k| place + k * step);
+                    let is_run = row(step).all(|at| is_open.get(at) == Some(&true))
+                        && (step > 1 || place % level.width + length <= level.width);
+                    if !is_run {
+                        continue;
+                    }
+                    let all = row(step).map(region).reduce(|a, b| a.joined(&b)).unwrap_or_default();
+                    let flat = Flat::of(&all.moments);
+                    if is_flat(&all, &flat, full * length as f64) {
+                        let number = nodes.regions.len() as i32;
+                        nodes.regions.push(all);
+                        nodes.flats.push(flat);
+                        for at in row(step) {
+                            is_open[at] = false;
+                            claim(pyramid, k, at, number, &mut nodes.of_cell);
+                        }
+                    }
+                }
+            }
+        }
+        if k > 0 {
+            let below = &pyramid.levels[k - 1];
+            let rest = open.iter().filter(|&&place| is_open[place]);
+            open = rest.flat_map(|&place| children(level, below, place)).collect();
+        }
+    }
+    nodes
+}
+
+fn weighted(moments: &[Moments], noise: &[f64]) -> Vec<f64> {
+    moments.iter().zip(noise).map(|(own, sigma)| own.count * sigma * sigma).collect()
+}
+
+fn is_flat(region: &Region, flat: &Flat, full: f64) -> bool {
+    let [thin, middle, long] = flat.variances;
+    let n = region.moments.count;
+    n >= FILLED * full
+        && middle > (FLAT_BY_CHANCE / n).max(FLAT) * thin
+        && middle > LINE * long
+        && thin.sqrt() <= ROUGH * region.sigma(flat)
+}
+
+fn claim(pyramid: &Pyramid, k: usize, place: usize, number: i32, of_cell: &mut [i32]) {
+    if k == 0 {
+        of_cell[place] = number;
+        return;
+    }
+    for child in children(&pyramid.levels[k], &pyramid.levels[k - 1], place) {
+        claim(pyramid, k - 1, child, number, of_cell);
+    }
+}
+
+/// Pairs of nodes that touch in the grid of the smallest cells, or have one cell between them that
+/// is in none; each once a side, sorted.
+fn touching(of_cell: &[i32], width: usize, is_ring: bool, n: usize) -> Vec<Vec<u32>> {
+    let mut touching = vec![Vec::new(); n];
+    let mut join = |a: i32, b: i32| {
+        if a != NOBODY && b != NOBODY && a != b {
+            touching[a as usize].push(b as u32);
+            touching[b as usize].push(a as u32);
+        }
+    };
+    for (i, &own) in of_cell.iter().enumerate() {
+        for (step, room) in [(1, width - 1 - i % width), (width, (of_cell.len() - 1 - i) / width)] {
+            if room >= 1 {
+                let next = of_cell[i + step];
+                join(own, next);
+                if next == NOBODY && room >= 2 {
+                    join(own, of_cell[i + 2 * step]);
+                }
+            }
+        }
+    }
+    for row in of_cell.chunks(width).filter(|_| is_ring) {
+        join(row[0], row[width - 1]);
+    }
+    for others in &mut touching {
+        others.sort_unstable();
+        others.dedup();
+    }
+    touching
+}
+
+/// Region of each node: grown from the nodes in order of size and flatness over nodes that touch.
+fn grow(nodes: &Nodes, touching: &[Vec<u32>]) -> (Vec<i32>, Vec<Region>) {
+    let n = nodes.regions.len();
+    let mut order: Vec<usize> = (0..n).collect();
+    let rank = |k: usize| {
+        let off = nodes.flats[k].variances[0].sqrt() / nodes.regions[k].sigma(&nodes.flats[k]);
+        (nodes.regions[k].moments.count, -off)
+    };
+    order.sort_by(|&a, &b| {
+        let (a, b) = (rank(a), rank(b));
+        b.0.total_cmp(&a.0).then(b.1.total_cmp(&a.1))
+    });
+    let mut of_node = vec![NOBODY; n];
+    let mut grown: Vec<Region> = Vec::new();
+    let mut queue = Vec::new();
+    for seed in order {
+        if of_node[seed] != NOBODY {
+            continue;
+        }
+        let number = grown.len() as i32;
+        let mut region = nodes.regions[seed];
+        let mut flat = nodes.flats[seed];
+        let mut fitted = region.moments.count;
+        of_node[seed] = number;
+        queue.clear();
+        queue.push(seed as u32);
+        let mut k = 0;
+        while k < queue.len() {
+            for &next in &touching[queue[k] as usize] {
+                let other = &nodes.regions[next as usize];
+                if of_node[next as usize] == NOBODY
+                    && fits(&region, &flat, other, &nodes.flats[next as usize])
+                {
+                    of_node[next as usize] = number;
+                    region = region.joined(other);
+                    queue.push(next);
+                    if region.moments.count > REFIT * fitted {
+                        flat = Flat::of(&region.moments);
+                        fitted = region.moments.count;
+                    }
+                }
+            }
+            k += 1;
+        }
+        grown.push(region);
+    }
+    (of_node, grown)
+}
+
+/// Whether a cell lies on a region's plane as well as noise allows.
+fn fits(region: &Region, plane: &Flat, other: &Region, own: &Flat) -> bool {
+    let sigma = other.sigma(own).max(region.sigma(plane));
+    other.off(plane) <= (ROUGH * sigma).powi(2)
+}
+
+/// Puts touching regions together as long as one plane explains both; number of each after it.
+pub fn merge(regions: &mut [Region], mut touching: Vec<BTreeSet<usize>>) -> Vec<i32> {
+    let n = regions.len();
+    let mut version = vec![0_u32; n];
+    let mut into: Vec<usize> = (0..n).collect();
+    let mut heap = BinaryHeap::new();
+    for (a, others) in touching.iter().enumerate() {
+        heap.extend(others.range(a + 1..).filter_map(|&b| Pair::of(regions, &version, a, b)));
+    }
+    while let Some(Pair { a, b, versions, .. }) = heap.pop() {
+        if versions != (version[a], version[b]) {
+            continue;
+        }
+        regions[a] = regions[a].joined(&regions[b]);
+        into[b] = a;
+        version[a] += 1;
+        version[b] += 1;
+        for other in std::mem::take(&mut touching[b]) {
+            touching[other].remove(&b);
+            if other != a {
+                touching[other].insert(a);
+                touching[a].insert(other);
+            }
+        }
+        heap.extend(
+            touching[a].iter().filter_map(|&c| Pair::of(regions, &version, a.min(c), a.max(c))),
+        );
+    }
+    (0..n)
+        .map(|mut at| {
+            while into[at] != at {
+                at = into[at];
+            }
+            at as i32
+        })
+        .collect()
+}
+
+/// Two regions that may be one.
+#[derive(Debug, PartialEq)]
+struct Pair {
+    gain: f64,
+    a: usize,
+    b: usize,
+    versions: (u32, u32),
+}
+
+impl Pair {
+    fn of(regions: &[Region], version: &[u32], a: usize, b: usize) -> Option<Self> {
+        let (first, second) = (&regions[a], &regions[b]);
+        if first.moments.count.min(second.moments.count) < LEAST {
+            return None;
+        }
+        let both = first.joined(second);
+        let flats = [first, second, &both].map(|region| Flat::of(&region.moments));
+        let squares = |region: &Region, flat: &Flat| flat.variances[0] * region.moments.count;
+        let rise =
+            squares(&both, &flats[2]) - squares(first, &flats[0]) - squares(second, &flats[1]);
+        let (m, k) = (first.moments.count, second.moments.count);
+        let variance = |region: &Region, flat: &Flat| {
+            let least = region.sigma(flat).powi(2);
+            flat.variances[0].clamp(least, ROUGH * ROUGH * least)
+        };
+        let (v, w) = (variance(first, &flats[0]), variance(second, &flats[1]));
+        let variance = v.max(w).min(UNEQUAL * v.min(w));
+        let worth = PLANE * (m + k).ln() + MOVE * m.min(k);
+        let gain = (worth - rise / variance) / (m + k);
+        (gain > 0.0).then(|| Self { gain, a, b, versions: (version[a], version[b]) })
+    }
+}
+
+impl Eq for Pair {}
+
+impl Ord for Pair {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.gain.total_cmp(&other.gain).then((other.a, other.b).cmp(&(self.a, self.b)))
+    }
+}
+
+impl PartialOrd for Pair {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
