@@ -36,7 +36,7 @@ BATCH = 2000
 HANGS = 20
 """Seconds after which a child is stopped."""
 
-READERS = {".scan": primfit.Scan.load, ".world": primfit.World.load}
+READERS = {".scan": primfit.Scan.load, ".world": primfit.World.load, ".wbt": primfit.World.load}
 
 
 def input_of(seeds: list[Seed], run: int, number: int) -> tuple[str, bytes]:

@@ -15,7 +15,7 @@ NUMBERS += [2**32, 2**53, 2**62, 2**63 - 1, 2**63, 2**64 - 1, 10**9, 10**12, 0x3
 WORDS = ["nan", "-nan(ind)", "inf", "-1", "0", "1e308", "1e400", "NA", "", '"', "1.0D+00", "x", "#"]
 WORDS += ["list", "uchar", "float", "element", "property", "end_header", "COUNT", "DATA", "[", "{"]
 
-TEXT = (".ply", ".pcd", ".xyz", ".pts", ".csv", ".txt", ".asc", ".ptx", ".world")
+TEXT = (".ply", ".pcd", ".xyz", ".pts", ".csv", ".txt", ".asc", ".ptx", ".world", ".wbt")
 E57_PAGE = 1024
 
 

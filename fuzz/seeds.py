@@ -39,6 +39,8 @@ def all_seeds(folder: Path) -> list[Seed]:
     cube = primfit.Polyhedron.box(0.1, 0.2, 0.3, center=(1, 1, 1))
     world = primfit.World([primfit.Prism.regular(4, 0.3, center=(1, 1)), cube], primfit.Arena())
     seeds += [(".world", json.dumps({"primfit": "world", **world.to_dict()}).encode())]
+    world.save(folder / "world.wbt")
+    seeds += [(".wbt", (folder / "world.wbt").read_bytes())]
     return seeds
 
 

@@ -9,6 +9,19 @@ import pytest
 
 import primfit
 
+QUICK = """
+    test_bags test_convex test_depth test_files test_foreign_files test_hostile_files test_kernels
+    test_neighbors test_round_footprints test_sampling test_scanning test_segmentation
+    test_space_carving test_start test_text_files test_viewing test_warnings test_worlds
+"""
+"""Files of the tier `make quick`: some of each part, together less than a minute of CPU."""
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if item.path.stem in QUICK.split():
+            item.add_marker(pytest.mark.quick)
+
 
 @pytest.fixture(scope="session")
 def world():

@@ -216,5 +216,5 @@ class TestInput:
         assert "6 of" not in repr(one)
 
     def test_bad_points(self):
-        with pytest.raises(ValueError, match=r"points must have shape \(n, 3\)"):
+        with pytest.raises(ValueError, match=r"points must be an array \(n, 3 or more\)"):
             primfit.find_polyhedra([], np.zeros((2, 2)))

@@ -7,8 +7,10 @@ import importlib
 import pkgutil
 import re
 import shlex
+import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 from test_cli import primfit_command
 
@@ -82,6 +84,49 @@ def test_tutorial():
     for block in blocks((ROOT / "docs" / "tutorial.md").read_text(), "python"):
         exec(block, names)
     assert names["report"].all_right
+
+
+def test_points_of_any_kind():
+    names = {}
+    exec(blocks((ROOT / "docs" / "data.md").read_text(), "python")[0], names)
+    assert len(names["planes"]) == 1
+
+
+def test_how_to(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    table, roof = blocks((ROOT / "docs" / "howto.md").read_text(), "python")
+    exec(table, names)
+    solids = sorted(names["found"].solids, key=lambda solid: -solid.volume)
+    for solid, box in zip(solids, names["boxes"], strict=True):
+        assert np.linalg.norm(solid.center - box.center) < 0.01
+        assert solid.volume == pytest.approx(box.volume, rel=0.1)
+    exec(roof, names)
+    assert len(names["planes"]) == 2
+    assert (tmp_path / "roof.html").stat().st_size > 1e5
+
+
+def test_notebook(tmp_path):
+    nbclient = pytest.importorskip("nbclient")
+    nbformat = pytest.importorskip("nbformat")
+    pytest.importorskip("ipykernel")
+    notebook = nbformat.read(ROOT / "docs" / "first_look.ipynb", as_version=4)
+    resources = {"metadata": {"path": str(tmp_path)}}
+    with warnings.catch_warnings():
+        # Its event loop warns of what sockets it uses.
+        warnings.simplefilter("ignore")
+        nbclient.NotebookClient(notebook, timeout=280, resources=resources).execute()
+    shown = [
+        output["data"]
+        for cell in notebook.cells
+        if cell.cell_type == "code"
+        for output in cell.outputs
+        if output.output_type == "execute_result"
+    ]
+    pages = [each["text/html"] for each in shown if "<iframe" in each.get("text/html", "")]
+    tables = [each["text/html"] for each in shown if "<table>" in each.get("text/html", "")]
+    assert (len(pages), len(tables)) == (2, 3)
+    assert " 0 missed, 0 spurious" in tables[1]
 
 
 def test_api_page_names_everything_public():

@@ -213,6 +213,17 @@ class TestRealFiles:
 
 
 class TestCloud:
+    def test_some_of_its_points(self):
+        points = np.arange(12.0).reshape(4, 3)
+        cloud = primfit.Cloud(points, {"label": [1, 2, 3, 4]}, (2, 2))
+        for rows in ([False, True, False, True], slice(1, None, 2), [1, 3]):
+            some = cloud[rows]
+            np.testing.assert_array_equal(some.points, points[1::2])
+            assert (some.fields["label"].tolist(), some.shape) == ([2, 4], None)
+        for bad in (1, "x", [[0]], [0.5]):
+            with pytest.raises(TypeError, match="rows must be a mask, a slice or row numbers"):
+                cloud[bad]
+
     def test_owns_its_arrays_and_says_what_it_is(self):
         points, label = np.zeros((2, 3)), np.array([1, 2])
         cloud = primfit.Cloud(points, {"label": label}, (1, 2))

@@ -488,7 +488,7 @@ class TestScanAndWorld:
     )
     def test_worlds(self, text, tmp_path):
         (tmp_path / "a.json").write_text(text, encoding="latin-1")
-        with pytest.raises(ValueError, match=r"a\.json is not a world that primfit wrote: "):
+        with pytest.raises(ValueError, match=r"a\.json is not a world that primfit reads: "):
             primfit.World.load(tmp_path / "a.json")
 
     def test_that_are_not_there(self, tmp_path):

@@ -112,8 +112,8 @@ def test_what_the_beams_know_decides_first(small_scan):
     )
     returned = primfit.Scan.from_rays(origin, rays, [1.0, 2.0])
     assert primfit.choose_method(returned)[0] == "planes"
-    with pytest.raises(TypeError, match="scan must be a Scan or points"):
-        primfit.choose_method("scan.npz")
+    with pytest.raises(FileNotFoundError, match=r"there is no file none\.npz"):
+        primfit.choose_method("none.npz")
 
 
 @pytest.mark.parametrize(

@@ -277,3 +277,15 @@ def test_pixels_must_be_rows():
     labels, sigma = _primfit.segment_image(np.full((12, 3), np.nan), 4)
     assert (labels == -1).all()
     assert (sigma >= 0.0).all()
+
+
+def test_rows_that_were_only_folded_are_no_image():
+    """A cloud in any order, or face after face, that somebody gave the shape of an image."""
+    rng = np.random.default_rng(5)
+    cloud = rng.random((4800, 3))
+    face = np.sort(rng.integers(6, size=4800))
+    cloud[np.arange(4800), face // 2] = face % 2
+    for points in (cloud, rng.permutation(cloud), cloud[np.argsort(cloud[:, 0])]):
+        folded = primfit.detect_planes(points.reshape(60, 80, 3))
+        np.testing.assert_array_equal(folded.labels, primfit.detect_planes(points).labels)
+        assert len(folded) == 6

@@ -335,7 +335,7 @@ class TestDetectPlanes:
             (np.empty((0, 3)), "points must hold at least 3 returns"),
             (np.zeros((2, 3)), "points must hold at least 3 returns"),
             (np.full((9, 3), np.nan), "points must hold at least 3 returns"),
-            (np.zeros((9, 2)), "points must have shape"),
+            (np.zeros((9, 2)), "points must be an array"),
         ],
     )
     def test_clouds_that_cannot_hold_a_plane(self, points, message):

@@ -168,7 +168,7 @@ class TestPictures:
             ax = plot(ax=figure.add_subplot())
             assert ax.get_xlabel() == "x [m]"
             figure.clear()
-        plotting.save_demo(tmp_path / "demo.png", world, scan, found)
+        plotting.save_demo(tmp_path / "demo.png", world, scan, found, "7 of 7 right")
         plotting.save_detection(tmp_path / "planes.png", found)
         for name in ("demo.png", "planes.png"):
             assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")

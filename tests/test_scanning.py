@@ -33,7 +33,52 @@ class TestLidar:
         level = primfit.Lidar(1, horizontal_resolution=360, field_of_view=2 * np.pi)
         assert not level.directions[..., 2].any()
         assert np.abs(level.directions.sum(axis=(0, 1))).max() < 1e-9
-        assert primfit.Lidar.vlp16().directions.shape == (16, 1800, 3)
+        assert primfit.Lidar.vlp16(mount=(0, 0, 1)).directions.shape == (16, 1800, 3)
+
+    @pytest.mark.parametrize(
+        ("preset", "sigma"),
+        [
+            ("vlp16", 0.03),
+            ("hdl32e", 0.02),
+            ("os1_64", 0.03),
+            ("rplidar_a1", 0.02),
+            ("rosette", 0.02),
+        ],
+    )
+    def test_presets_keep_their_noise_when_the_range_changes(self, preset, sigma):
+        make = getattr(primfit.Lidar, preset)
+        for changes in ({}, {"max_range": 10.0}):
+            lidar = make(mount=(0, 0, 1), **changes)
+            assert lidar.noise * lidar.max_range == pytest.approx(sigma)
+        assert make(mount=(0, 0, 1), noise=0.0).noise == 0.0
+        with pytest.raises(TypeError, match="mount"):
+            make()
+        with pytest.raises(ValueError, match="max_range must be greater than 0"):
+            make(mount=(0, 0, 1), max_range=0.0)
+
+    def test_beams_of_any_directions(self):
+        hdl = primfit.Lidar.hdl32e(mount=(0, 0, 1))
+        elevation = np.degrees(np.arcsin(hdl.directions[..., 2]))
+        np.testing.assert_allclose(elevation[[0, 8, 31], 5], [10.67, 0.0, -30.67], atol=5e-3)
+        assert hdl.vertical_field_of_view == pytest.approx(np.radians(41.34))
+        rosette = primfit.Lidar.rosette(mount=(0, 0, 1), seconds=1.0)
+        off = np.degrees(np.arccos(rosette.directions[..., 0]))
+        assert 19.1 < off.max() <= 19.2
+        assert off.min() < 0.1
+        # The far end of each of the petals is at another place.
+        assert len(np.unique(np.round(rosette.directions, 9), axis=1)[0]) > 90_000
+        grid = primfit.Lidar()
+        same = primfit.Lidar(beams=3.0 * grid.directions)
+        np.testing.assert_allclose(same.directions, grid.directions, atol=1e-15)
+        assert same != grid
+        assert same == primfit.Lidar(beams=3.0 * grid.directions)
+        assert hash(same) == hash(primfit.Lidar(beams=3.0 * grid.directions))
+        world = primfit.World(arena=primfit.Arena((2, 2)))
+        ranges = [primfit.scan(world, (1, 1, 0), each, rng=1).ranges for each in (grid, same)]
+        np.testing.assert_allclose(*ranges, atol=1e-12)
+        for bad, message in ((np.zeros((2, 3)), "shape"), (np.zeros((1, 2, 3)), "length greater")):
+            with pytest.raises(ValueError, match=message):
+                primfit.Lidar(beams=bad)
 
     def test_mounts(self):
         np.testing.assert_array_equal(primfit.Lidar(mount="e-puck").mount[:3, 3], E_PUCK_TURRET)
@@ -264,7 +309,7 @@ class TestRecorded:
                 lambda s: s.from_rays((0, 0, 0), [[1, 0, 0]], [1], layer=[0, 1]),
                 "layer must have shape",
             ),
-            (lambda s: s.from_points([[0, 0]]), "points must have shape"),
+            (lambda s: s.from_points([[0, 0]]), "points must be an array"),
             (lambda s: s.from_points([[0, 0, 1]], (0, 0, 1)), "origins must differ from points"),
             (lambda s: s.from_points([[0, 0, 1]], sigma=[1, 2]), "sigma must be a number or have"),
         ],

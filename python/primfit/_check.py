@@ -31,7 +31,7 @@ def as_rows(
     most: float = MOST_COORDINATE,
 ) -> Floats:
     """``values`` as a C-contiguous (n, n_columns) float64 array, within `most` if finite."""
-    array = _as_floats(name, values)
+    array = as_floats(name, values)
     if array.ndim != 2 or array.shape[1] != n_columns:
         raise ValueError(f"{name} must have shape (n, {n_columns}), not {array.shape}")
     if finite and array.size and not (array.max() <= most and array.min() >= -most):
@@ -53,7 +53,7 @@ def check_within(name: str, array: Floats, most: float = MOST_COORDINATE) -> Non
 
 def as_vector(name: str, values: ArrayLike, length: int) -> Floats:
     """``values`` as a finite float64 array of the given length."""
-    array = _as_floats(name, values)
+    array = as_floats(name, values)
     if array.shape != (length,):
         raise ValueError(f"{name} must have shape ({length},), not {array.shape}")
     check_finite(name, array)
@@ -62,13 +62,14 @@ def as_vector(name: str, values: ArrayLike, length: int) -> Floats:
 
 def as_column(name: str, values: ArrayLike, n_rows: int) -> Floats:
     """``values`` as a float64 array of one number a row; one number serves for all."""
-    array = _as_floats(name, values)
+    array = as_floats(name, values)
     if array.shape not in ((), (n_rows,)):
         raise ValueError(f"{name} must be a number or have shape ({n_rows},), not {array.shape}")
     return np.ascontiguousarray(np.broadcast_to(array, (n_rows,)))
 
 
-def _as_floats(name: str, values: ArrayLike) -> Floats:
+def as_floats(name: str, values: ArrayLike) -> Floats:
+    """``values`` as a float64 array of any shape."""
     try:
         array = np.asarray(values)
         if array.dtype.kind not in "biuf" and array.size:

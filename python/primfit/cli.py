@@ -5,23 +5,19 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import suppress
 from functools import wraps
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-import numpy as np
 import typer
 
 import primfit
-from primfit._check import generator
+
+# NumPy and what needs it are imported where a command needs them: help and completion are at once.
 
 app = typer.Typer(
     help="LiDAR scans to solid geometry.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -32,6 +28,15 @@ Kinds = Annotated[
     typer.Option("--kind", help="Kind of the random solids, again for more: circle, star, ..."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+View = Annotated[
+    Path | None, typer.Option(help="Page to write (.html) in which the result can be turned.")
+]
+Progress = Annotated[bool, typer.Option(help="Show a bar, where a terminal is looking.")]
+Method = Literal["likelihood", "planes", "paper"]
+
+
+def _bar(wanted: bool) -> bool:
+    return wanted and sys.stderr.isatty()
 
 
 def _say(text: str) -> None:
@@ -81,22 +86,29 @@ def _options(
 def demo(
     rng: Seed = None,
     noise: Annotated[float, typer.Option(help="Noise, as a fraction of the range of 1 m.")] = 0.0,
-    method: Annotated[str, typer.Option(help="likelihood, planes or paper.")] = "likelihood",
+    method: Annotated[Method, typer.Option(help="How to find the solids.")] = "likelihood",
     kind: Kinds = None,
     picture: Annotated[Path, typer.Option(help="Picture to write.")] = Path("demo.png"),
+    view: View = None,
     as_json: AsJson = False,
+    progress: Progress = True,
 ) -> None:
     """Do the paper's job on a random map: print its table and write a picture."""
-    _check_folders(picture)
+    import numpy as np
+
+    from primfit import plotting
+
+    _check_folders(picture, view)
     seed = int(np.random.SeedSequence().generate_state(1)[0]) if rng is None else rng
     world = _random_world(kind, seed)
     path = primfit.grid_path(world, rng=seed)
-    scan = primfit.scan(world, path, primfit.Lidar(noise=noise), rng=seed)
-    found = primfit.detect(scan, method, rng=seed)
+    lidar = primfit.Lidar(noise=noise)
+    scan = primfit.scan(world, path, lidar, rng=seed, progress=_bar(progress))
+    found = primfit.detect(scan, method, rng=seed, progress=_bar(progress))
     report = primfit.evaluate(found, world)
-    from primfit import plotting
-
-    plotting.save_demo(picture, world, scan, found)
+    plotting.save_demo(picture, world, scan, found, report.verdict)
+    if view:
+        found.show(view, world=world)
     if as_json:
         _say(json.dumps({"rng": seed, "report": report.to_dict(), "found": found.to_dict()}))
         return
@@ -125,9 +137,11 @@ def scan(
     headings: Annotated[int, typer.Option(help="Headings at each position.")] = 4,
     kind: Kinds = None,
     rng: Seed = None,
-    progress: Annotated[bool, typer.Option(help="Show a bar.")] = True,
+    progress: Progress = True,
 ) -> None:
     """Scan a world from a grid of poses."""
+    from primfit._check import generator
+
     _check_folders(out, save_world)
     if world and kind:
         raise ValueError("--kind is for random worlds, not for that of --world")
@@ -137,9 +151,7 @@ def scan(
         number_of_layers=layers, horizontal_resolution=columns, max_range=max_range, noise=noise
     )
     path = primfit.grid_path(scene, spacing, headings=headings, rng=numbers)
-    result = primfit.scan(
-        scene, path, lidar, rng=numbers, progress=progress and sys.stderr.isatty()
-    )
+    result = primfit.scan(scene, path, lidar, rng=numbers, progress=_bar(progress))
     if out.suffix.lower() == ".npz":
         result.save(out)
     else:
@@ -152,26 +164,42 @@ def scan(
 @app.command()
 @_explained
 def detect(
-    file: Annotated[Path, typer.Argument(help="A scan of primfit (.npz), or a cloud.")],
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="A scan of primfit (.npz), a cloud, or a recording of ROS (.bag .mcap .db3 or the "
+            "folder of one)."
+        ),
+    ],
     world: Annotated[Path | None, typer.Option(help="The truth (.json), to compare with.")] = None,
     method: Annotated[
-        str | None,
+        Method | None,
         typer.Option(
-            help="likelihood, planes (solids in any position) or paper; if none is given, what the "
-            "file holds decides: likelihood for scans of primfit, paper for clouds of upright "
-            "walls without tops (likelihood with --origin), planes for other clouds."
+            help="If none is given, what the file holds decides: likelihood for scans of primfit, "
+            "paper for clouds of upright walls without tops (likelihood with --origin), planes, "
+            "which are solids in any position, for other clouds."
         ),
     ] = None,
     orientation: Annotated[
-        str | None,
+        Literal["vertical", "horizontal", "any"] | None,
         typer.Option(
-            help="Of planes: vertical, horizontal or any. The paper method, which sees solids in "
-            "vertical ones: vertical; planes: any."
+            help="Of planes. If none is given, vertical for the paper method, which sees solids in "
+            "vertical ones, and any for planes."
         ),
     ] = None,
     origin: Annotated[
         tuple[float, float, float] | None,
         typer.Option(help="Where the sensor of a cloud was (x y z), metres."),
+    ] = None,
+    topic: Annotated[
+        str | None, typer.Option(help="Of a recording: its clouds or laser scans.")
+    ] = None,
+    message: Annotated[
+        int | None, typer.Option(min=0, help="Of a recording: which message; the first if none.")
+    ] = None,
+    poses: Annotated[
+        str | None,
+        typer.Option(help="Of a recording: topic of poses, to take all messages as one scan."),
     ] = None,
     sigma: Annotated[float | None, typer.Option(help="Noise, metres; estimated if none.")] = None,
     threshold: Annotated[
@@ -186,21 +214,22 @@ def detect(
         ),
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="Picture to write (.png).")] = None,
+    view: View = None,
     cloud: Annotated[Path | None, typer.Option(help="Coloured cloud to write (.ply ...).")] = None,
     mesh: Annotated[Path | None, typer.Option(help="Solids to write (.ply .obj .stl).")] = None,
     csv: Annotated[Path | None, typer.Option(help="Table of solids to write.")] = None,
     rng: Seed = 0,
     as_json: AsJson = False,
+    progress: Progress = True,
 ) -> None:
     """Find planes and solids in a scan or cloud; a cloud is also written coloured by plane."""
-    _check_folders(picture, cloud, mesh, csv)
+    _check_folders(picture, view, cloud, mesh, csv)
     truth = None if world is None else primfit.World.load(world)
-    recorded, n_left_out = _read(file, origin)
+    recorded = _read(file, origin, topic, message, poses)
+    n_left_out = int(recorded.is_blank.sum())
     is_scan = recorded.pose_index is not None
-    if is_scan and origin:
-        raise ValueError("--origin is for clouds: the scan knows where its beams began")
     chosen, reason = (method, "asked for") if method else primfit.choose_method(recorded)
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = {"sigma": sigma, "progress": _bar(progress)}
     if chosen == "paper":
         options["settings"] = primfit.PaperSettings(
             threshold=threshold, min_points=min_points or 10
@@ -218,11 +247,14 @@ def detect(
         if chosen != "likelihood":
             raise ValueError(f"--tolerance is for --method likelihood, not {chosen} ({reason})")
         options["tolerance"] = tolerance
-    found = primfit.detect(recorded, method, rng=rng, sigma=sigma, **options)
+    found = primfit.detect(recorded, method, rng=rng, **options)
     if not is_scan:
         picture = picture or Path(f"{file.stem}_planes.png")
         cloud = cloud or Path(f"{file.stem}_planes.ply")
     written = _write(found, picture=picture, cloud=cloud, mesh=mesh, csv=csv)
+    if view:
+        found.show(view, world=truth)
+        written.append(view)
     report = None if truth is None else primfit.evaluate(found, truth)
     if as_json:
         content = found.to_dict() | {"report": report and report.to_dict()}
@@ -242,16 +274,34 @@ def detect(
         _say(f"written: {path}")
 
 
-def _read(file: Path, origin: tuple[float, float, float] | None) -> tuple[primfit.Scan, int]:
-    if file.suffix.lower() == ".npz" and file.is_file():
-        # An archive that is no scan of ours may still hold points.
-        with suppress(ValueError):
-            return primfit.Scan.load(file), 0
-    points = primfit.read_points(file)
-    good = np.isfinite(points).all(axis=1)
-    if not good.any():
+def _read(
+    file: Path,
+    origin: tuple[float, float, float] | None,
+    topic: str | None,
+    message: int | None,
+    poses: str | None,
+) -> primfit.Scan:
+    from itertools import islice
+
+    from primfit.scans.bags import is_bag
+    from primfit.scans.recorded import as_scan
+
+    content: Any = file
+    if is_bag(file):
+        if poses is not None:
+            return primfit.read_scan(file, topic, poses)
+        clouds = list(islice(primfit.read_clouds(file, topic), (message or 0) + 1))
+        if len(clouds) <= (message or 0):
+            raise ValueError(f"--message must be below {len(clouds)}, the number of messages")
+        content = clouds[-1]
+    elif (topic, message, poses) != (None, None, None):
+        raise ValueError("--topic, --message and --poses are for recordings of ROS")
+    recorded = as_scan(content)
+    if origin and recorded.pose_index is not None:
+        raise ValueError("--origin is for clouds: the scan knows where its beams began")
+    if recorded.is_blank.all():
         raise ValueError(f"{file} holds no finite point")
-    return primfit.Scan.from_points(points[good], origin), int((~good).sum())
+    return as_scan(recorded.points, origin) if origin else recorded
 
 
 def _write(
@@ -279,15 +329,11 @@ def _write(
 
 
 def _planes_table(found: primfit.Detection) -> str:
-    lines = [f"{'plane':>5}  {'inliers':>8}  {'area m2':>9}  {'rms mm':>8}  normal and offset"]
+    from primfit._tables import PLANES, plane_row
+
     order = sorted(range(len(found.planes)), key=lambda i: -len(found.planes[i].inliers))
-    for i in order:
-        plane = found.planes[i]
-        a, b, c, d = plane.equation
-        lines.append(
-            f"{i:5d}  {len(plane.inliers):8d}  {plane.area:9.4f}  {1000 * plane.rms:8.3f}  "
-            f"{a:+.4f} {b:+.4f} {c:+.4f} {d:+.4f}"
-        )
+    rows = [PLANES, *(plane_row(i, found.planes[i]) for i in order)]
+    lines = ["{:>5}  {:>8}  {:>9}  {:>8}  {}".format(*row) for row in rows]
     share = (found.labels[found.scan.is_return] >= 0).mean()
     lines.append(f"{len(found.planes)} planes hold {share:.1%} of the points")
     return "\n".join(lines)
@@ -333,9 +379,12 @@ def reproduce(
         Path | None, typer.Option(help="Picture of found and error against noise to write.")
     ] = None,
     as_json: AsJson = False,
-    progress: Annotated[bool, typer.Option(help="Show a bar.")] = True,
+    progress: Progress = True,
 ) -> None:
     """Print every table of the paper beside ours, in its own setting and in our reference."""
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
     from primfit import experiments, reproduction
 
     _check_folders(figure)
@@ -350,7 +399,7 @@ def reproduce(
             paper=paper,
             tables=[number - 1 for number in table] if table else None,
             executor=executor if jobs > 1 else None,
-            progress=progress and sys.stderr.isatty(),
+            progress=_bar(progress),
         )
     if figure:
         reproduction.save_against_noise(figure, tables[-1])

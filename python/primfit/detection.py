@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from inspect import signature
-from os import PathLike
-from typing import Any
+from typing import Any, Literal, TypedDict, Unpack, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit._check import Ints, choice
 from primfit._later import replaced
+from primfit.clouds.foreign import PointsLike
 from primfit.clouds.upright import uprightness
 from primfit.likelihood.detection import detect_likelihood
-from primfit.paper.detection import detect_paper
+from primfit.likelihood.settings import LikelihoodSettings
+from primfit.paper.detection import PaperSettings, detect_paper
+from primfit.planes.scan_planes import Progress
 from primfit.polyhedra.detection import detect_by_planes
 from primfit.results import Detection
+from primfit.scans.recorded import as_scan
 from primfit.scans.scan import Scan
 
 _METHODS: dict[str, Callable[..., Detection]] = {
@@ -27,20 +30,72 @@ _METHODS: dict[str, Callable[..., Detection]] = {
 }
 
 
+class _Common(TypedDict, total=False):
+    """Options of every method."""
+
+    rng: Any
+    sigma: ArrayLike | None
+    n_jobs: int | None
+    progress: Progress
+
+
+class _OfLikelihood(_Common, total=False):
+    tolerance: float | None
+    settings: LikelihoodSettings | None
+
+
+class _OfPlanes(_Common, total=False):
+    orientation: Any
+    max_angle: float | None
+    threshold: float | None
+    min_points: int | None
+
+
+class _OfPaper(_Common, total=False):
+    orientation: Any
+    max_angle: float | None
+    settings: PaperSettings | None
+
+
+class _OfAny(_OfPlanes, total=False):
+    tolerance: float | None
+    settings: LikelihoodSettings | PaperSettings | None
+
+
+@overload
 def detect(
-    scan: Scan | ArrayLike,
-    method: str | None = None,
-    *,
-    rng: Any = None,
-    **options: Any,
+    scan: Scan | PointsLike, method: Literal["likelihood"], **options: Unpack[_OfLikelihood]
+) -> Detection: ...
+
+
+@overload
+def detect(
+    scan: Scan | PointsLike, method: Literal["planes"], **options: Unpack[_OfPlanes]
+) -> Detection: ...
+
+
+@overload
+def detect(
+    scan: Scan | PointsLike, method: Literal["paper"], **options: Unpack[_OfPaper]
+) -> Detection: ...
+
+
+@overload
+def detect(
+    scan: Scan | PointsLike, method: None = None, **options: Unpack[_OfAny]
+) -> Detection: ...
+
+
+def detect(
+    scan: Scan | PointsLike, method: str | None = None, *, rng: Any = None, **options: Any
 ) -> Detection:
     """Planes and solids of a scan.
 
     Parameters
     ----------
-    scan : Scan, Cloud, (n, 3) or (h, w, 3) float64, metres
-        The raw scan, floor returns included, or a cloud, bare or organised. Rows without a point,
-        as those of depth cameras (see `Scan.from_points`), get label -1.
+    scan : Scan, or (n, 3) or (h, w, 3) float64, metres, or whatever `as_cloud` takes
+        The raw scan, floor returns included, or a cloud, bare or organised, or the path of either.
+        Rows without a point, as those of depth cameras (see `Scan.from_points`), get label -1.
     method : str or None
         "likelihood": solids that explain all ranges, returned or not, which stands noise as large
         as the solids (see `detect_likelihood`); it asks where the beams began, and should know how
@@ -53,7 +108,9 @@ def detect(
     rng : None, int or numpy.random.Generator
         Same `rng`, same result, at any number of threads.
     **options
-        Passed to the method.
+        Of the method: `sigma`, `n_jobs` and `progress` of each; of "planes" and "paper"
+        `orientation` and `max_angle`; `threshold` and `min_points` of "planes"; `tolerance` of
+        "likelihood"; `settings` of "likelihood" and "paper". The page of each method tells of them.
 
     Returns
     -------
@@ -75,7 +132,7 @@ def detect(
     >>> primfit.detect(scan, rng=7)
     Detection(1 solid: square; an arena; 8 planes; sigma 0 mm)
     """
-    recorded = _as_scan(scan)
+    recorded = as_scan(scan)
     rows = None
     whole = recorded
     if recorded.is_blank.any():
@@ -112,7 +169,7 @@ def _of_rows(found: Detection, rows: Ints, n: int) -> Detection:
     return replace(found, labels=labels, planes=planes, floor=floor)
 
 
-def choose_method(scan: Scan | ArrayLike) -> tuple[str, str]:
+def choose_method(scan: Scan | PointsLike) -> tuple[str, str]:
     """The method that `detect` takes by itself, and why.
 
     "likelihood" for a scan that knows where its beams began, and either how far the sensor sees
@@ -122,7 +179,7 @@ def choose_method(scan: Scan | ArrayLike) -> tuple[str, str]:
 
     Parameters
     ----------
-    scan : Scan, Cloud or (n, 3) float64, metres
+    scan : Scan, or (n, 3) float64, metres, or whatever `as_cloud` takes
 
     Returns
     -------
@@ -138,7 +195,7 @@ def choose_method(scan: Scan | ArrayLike) -> tuple[str, str]:
     >>> primfit.choose_method(scan.points[scan.is_return])
     ('planes', 'a cloud not of upright walls alone')
     """
-    recorded = _as_scan(scan)
+    recorded = as_scan(scan)
     recorded = recorded.select(~recorded.is_blank)
     if recorded.has_origins and recorded.max_range is not None:
         return "likelihood", "origins and reach of the beams are known"
@@ -150,14 +207,6 @@ def choose_method(scan: Scan | ArrayLike) -> tuple[str, str]:
             return "likelihood", "upright walls, no tops seen, and origins of the beams are known"
         return "paper", "a cloud of upright walls, no tops seen"
     return "planes", "a cloud not of upright walls alone"
-
-
-def _as_scan(scan: Scan | ArrayLike) -> Scan:
-    if isinstance(scan, str | PathLike):
-        raise TypeError(
-            f"scan must be a Scan or points, as Scan.load or read_points read, not {scan!r}"
-        )
-    return scan if isinstance(scan, Scan) else Scan.from_points(scan)
 
 
 def _options(method: str) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from primfit._check import Floats, instance, number
+from primfit._tables import html_table
 from primfit.geometry.footprints import symmetry_angle
 from primfit.geometry.shapes import turn_between
 from primfit.polyhedra.found import FoundPolyhedron
@@ -54,6 +55,15 @@ class Row:
     detection: int
 
 
+_HEAD = (
+    "Ground Truth",
+    "Detected",
+    "Center Error (mm)",
+    "Angle Error (deg)",
+    "Size Error (mm)",
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Report:
     """How well a world was found.
@@ -89,8 +99,19 @@ class Report:
         return self.n_right == len(self.rows) and not self.spurious
 
     def to_frame(self) -> DataFrame:
-        """The rows as a pandas data frame."""
-        import pandas as pd
+        """The rows as a pandas data frame.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            When the extra ``tables`` is not installed.
+        """
+        try:
+            import pandas as pd
+        except ModuleNotFoundError:
+            raise ModuleNotFoundError(
+                "data frames need pandas: install it with pip install 'primfit[tables]'"
+            ) from None
 
         return pd.DataFrame([asdict(row) for row in self.rows])
 
@@ -119,20 +140,29 @@ class Report:
             f"{len(self.spurious)} spurious)"
         )
 
-    def __str__(self) -> str:
-        """The paper's table, with the size beside it."""
-        head = (
-            "Ground Truth",
-            "Detected",
-            "Center Error (mm)",
-            "Angle Error (deg)",
-            "Size Error (mm)",
-        )
-        table: list[tuple[str, ...]] = [head]
+    def _table(self) -> list[tuple[str, ...]]:
+        """The paper's table, with the size beside it: its head, then a row a solid."""
+        table: list[tuple[str, ...]] = [_HEAD]
         for row in self.rows:
             errors = (row.center_error_mm, row.angle_error_deg, row.size_error_mm)
             shown = tuple("-" if np.isnan(error) else f"{error:.6f}" for error in errors)
             table.append((row.truth, row.found or "missed", *shown))
+        return table
+
+    @property
+    def verdict(self) -> str:
+        """How many are right, missed and spurious, in a line."""
+        return (
+            f"{self.n_right} of {len(self.rows)} right, {len(self.missed)} missed, "
+            f"{len(self.spurious)} spurious; {self.n_planes} planes for {self.n_planes_true}"
+        )
+
+    def _repr_html_(self) -> str:
+        head, *rows = self._table()
+        return html_table(head, rows, self.verdict)
+
+    def __str__(self) -> str:
+        table, head = self._table(), _HEAD
         widths = [max(len(line[k]) for line in table) for k in range(len(head))]
         lines = [
             "  ".join(
@@ -142,10 +172,7 @@ class Report:
             for line in table
         ]
         lines.insert(1, "  ".join("-" * width for width in widths))
-        lines.append(
-            f"{self.n_right} of {len(self.rows)} right, {len(self.missed)} missed, "
-            f"{len(self.spurious)} spurious; {self.n_planes} planes for {self.n_planes_true}"
-        )
+        lines.append(self.verdict)
         return "\n".join(lines)
 
 

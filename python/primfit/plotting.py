@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _UNLABELLED = "0.75"
+_MOST_NUMBERS = 60
+"""Planes that get their number in a picture: more cannot be read."""
+
 _MOST_POINTS = 40_000
 """Points that a picture shows: more only make the file larger."""
 
@@ -57,8 +60,13 @@ def _from_above(ax: Axes | None, title: str) -> Axes:
     return ax
 
 
+def kind_color(kind: str) -> tuple[int, int, int]:
+    """The colour of a kind of solid: red, green, blue up to 255."""
+    return COLORS.get(kind, OTHER_COLOR)
+
+
 def _color(kind: str) -> tuple[float, ...]:
-    return tuple(value / 255 for value in COLORS.get(kind, OTHER_COLOR))
+    return tuple(value / 255 for value in kind_color(kind))
 
 
 def plot_world(world: World, ax: Axes | None = None) -> Axes:
@@ -108,15 +116,19 @@ def plot_detection(found: Detection, world: World | None = None, ax: Axes | None
     if world is not None:
         truth = [each for solid in world.solids for each in _tops(solid)]
         truth += [] if world.arena is None else [world.arena.outline]
-        for outline in truth:
-            ax.fill(*outline.T, fill=False, edgecolor="0.1", linestyle="--", linewidth=0.8)
+        for k, outline in enumerate(truth):
+            name = None if k else "truth"
+            ax.fill(
+                *outline.T, fill=False, edgecolor="0.1", linestyle="--", linewidth=0.8, label=name
+            )
     for found_solid in found.solids:
         shade = _color(found_solid.kind)
         for outline in _tops(found_solid):
             ax.fill(*outline.T, facecolor=shade, alpha=0.45)
             ax.plot(*np.vstack([outline, outline[:1]]).T, color=shade, linewidth=1.2)
         x, y, _ = found_solid.center
-        ax.plot(x, y, marker="+", color="black", markersize=5)
+        name = "center" if found_solid is found.solids[0] else None
+        ax.plot(x, y, marker="+", color="black", markersize=5, linestyle="", label=name)
         ax.annotate(
             found_solid.kind,
             (x, y),
@@ -127,7 +139,9 @@ def plot_detection(found: Detection, world: World | None = None, ax: Axes | None
         )
     if found.arena is not None:
         outline = found.arena.footprint
-        ax.plot(*np.vstack([outline, outline[:1]]).T, color="0.2", linewidth=1.2)
+        ax.plot(*np.vstack([outline, outline[:1]]).T, color="0.2", linewidth=1.2, label="arena")
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(loc="upper right", fontsize=7)
     return ax
 
 
@@ -141,19 +155,31 @@ def plot_planes(scan: Scan, found: Detection, ax: Any) -> None:
     shade = np.where(labels[:, None] >= 0, colors[labels], 190) / 255
     points = scan.points[rows]
     ax.scatter(*points.T, c=shade, s=0.4, rasterized=True, depthshade=False)
+    low, high = _extent(found, points)
     drawn = [k for k, plane in enumerate(found.planes) if len(plane.boundary)]
     outlines = [np.vstack([found.planes[k].boundary, found.planes[k].boundary[:1]]) for k in drawn]
     lines = Line3DCollection(outlines, colors=colors[drawn] / 255, linewidths=1.0)
     ax.add_collection3d(lines, autolim=False)
+    for k in drawn[:_MOST_NUMBERS]:
+        ax.text(*found.planes[k].center, str(k), fontsize=7, ha="center", va="center")
     ax.set_xlabel("x [m]")
     ax.set_ylabel("y [m]")
     ax.set_zlabel("z [m]")
-    low, high = np.quantile(points, [0.01, 0.99], axis=0)
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
     ax.set_zlim(low[2], high[2])
     ax.set_box_aspect(np.maximum(high - low, 0.05 * (high - low).max()))
     ax.set_title(f"{len(found.planes)} planes")
+
+
+def _extent(found: Detection, points: Floats) -> tuple[Floats, Floats]:
+    """Corners (3,) of a box around nearly all points, and around all outlines."""
+    low, high = np.quantile(points, [0.01, 0.99], axis=0)
+    for plane in found.planes:
+        if len(plane.boundary):
+            low = np.minimum(low, plane.boundary.min(axis=0))
+            high = np.maximum(high, plane.boundary.max(axis=0))
+    return low, high
 
 
 def plane_colors(n: int) -> np.ndarray:
@@ -164,13 +190,15 @@ def plane_colors(n: int) -> np.ndarray:
     return np.vstack([np.rint(255 * colors), [190, 190, 190]]).astype(np.uint8)
 
 
-def save_demo(file: Any, world: World, scan: Scan, found: Detection) -> None:
-    """Map, cloud and result side by side, as a picture file."""
+def save_demo(file: Any, world: World, scan: Scan, found: Detection, verdict: str) -> None:
+    """Map, cloud and result side by side, as a picture file, with the verdict above it."""
     figure = new_figure(16, 5.4)
     axes = figure.subplots(1, 3)
     plot_world(world, axes[0])
     plot_scan(scan, axes[1])
     plot_detection(found, world, axes[2])
+    sigma = 1000.0 * float(np.max(scan.sigma if scan.sigma is not None else found.sigma))
+    figure.suptitle(f"{verdict} (noise {sigma:.3g} mm)")
     with replacing(file) as part:
         figure.savefig(part, dpi=130)
 
@@ -180,10 +208,11 @@ def save_detection(file: Any, found: Detection) -> None:
     figure = new_figure(13, 6)
     plot_planes(found.scan, found, figure.add_subplot(1, 2, 1, projection="3d"))
     ax = plot_detection(found, None, figure.add_subplot(1, 2, 2))
-    low, high = np.quantile(found.scan.points[found.scan.is_return, :2], [0.01, 0.99], axis=0)
-    margin = 0.05 * (high - low).max()
+    low, high = _extent(found, found.scan.points[found.scan.is_return])
+    margin = 0.05 * (high - low)[:2].max()
     ax.set_xlim(low[0] - margin, high[0] + margin)
     ax.set_ylim(low[1] - margin, high[1] + margin)
+    figure.suptitle(f"{found!r}, numbered as in the table")
     with replacing(file) as part:
         figure.savefig(part, dpi=130)
 

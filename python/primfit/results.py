@@ -17,6 +17,7 @@ from primfit.geometry.footprints import area_centroid
 from primfit.planes.plane import Plane
 from primfit.polyhedra.found import FoundPolyhedron
 from primfit.scans.scan import Scan
+from primfit.viewing.shown import Shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -228,7 +229,7 @@ class Contradiction:
 
 
 @dataclass(frozen=True, eq=False)
-class Detection:
+class Detection(Shown):
     """Planes and solids of a scan.
 
     Attributes
@@ -379,6 +380,23 @@ class Detection:
         from primfit.clouds import files
 
         files.write_mesh(file, *self.to_mesh()[:2])
+
+    def _repr_html_(self) -> str:
+        from primfit._tables import html_table, planes_html
+
+        rows = [
+            (
+                str(j),
+                solid.kind,
+                ", ".join(f"{x:.4f}" for x in solid.center),
+                ", ".join(f"{x:.4f}" for x in np.atleast_1d(solid.size)),
+                f"{np.degrees(solid.angle):.2f}",
+            )
+            for j, solid in enumerate(self.solids)
+        ]
+        head = ("solid", "kind", "center m", "size m", "angle deg")
+        solids = html_table(head, rows, repr(self)) if rows else ""
+        return solids + planes_html(self.planes, f"{len(self.planes)} planes")
 
     def __repr__(self) -> str:
         kinds = ", ".join(solid.kind for solid in self.solids) or "none"

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from primfit._check import Floats, as_rows, integer
+from primfit.viewing.shown import Shown
 
 Field = NDArray[Any]
 Columns = dict[str, Field]
@@ -42,7 +43,7 @@ _KILOMETRE = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class Cloud(Shown):
     """Points, and what their file says of each.
 
     Parameters
@@ -109,6 +110,14 @@ class Cloud:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def __getitem__(self, rows: ArrayLike | slice) -> Cloud:
+        """The cloud of some points only, with their fields: by mask, slice or row numbers."""
+        index = rows if isinstance(rows, slice) else np.asarray(rows)
+        if not isinstance(index, slice) and (index.ndim != 1 or index.dtype.kind not in "biu"):
+            raise TypeError(f"rows must be a mask, a slice or row numbers, not {rows!r}")
+        fields = {name: values[index] for name, values in self.fields.items()}
+        return Cloud(self.points[index], fields)
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
         """The points: a cloud may be given wherever points are asked for."""
@@ -208,6 +217,24 @@ def cloud_of(
     if color is not None and color.dtype.kind in "iu" and not np.any(color >> 8):
         fields["color"] = color.astype(np.uint8)
     return organised(points, fields, shape)
+
+
+def without_packed_colors(columns: Columns) -> Columns:
+    """The columns, with those of "rgb" and "rgba" in four bytes as red, green, blue and alpha.
+
+    Blue is the lowest byte, whatever number the four bytes are said to be.
+    """
+    unpacked: Columns = {}
+    for name, values in columns.items():
+        if name in ("rgb", "rgba") and values.dtype.itemsize == 4 and values.ndim == 1:
+            words = np.ascontiguousarray(values).view(np.uint32)[:, None]
+            red, green, blue, alpha = (words >> [16, 8, 0, 24]).astype(np.uint8).T
+            unpacked |= {"red": red, "green": green, "blue": blue}
+            if name == "rgba":
+                unpacked["alpha"] = alpha
+        else:
+            unpacked[name] = values
+    return unpacked
 
 
 def _vectors(fields: Columns) -> dict[str, Sequence[str]]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from primfit import _primfit
 from primfit._check import Ints, as_rows, integer, number
+from primfit.clouds.foreign import PointsLike, points_of
 
 
-def dbscan(points: ArrayLike, eps: float, min_samples: int = 1) -> Ints:
+def dbscan(points: PointsLike, eps: float, min_samples: int = 1) -> Ints:
     """Cluster labels, equal to scikit-learn's `DBSCAN`, with memory proportional to the points.
 
     A point is core when at least `min_samples` points, itself included, are within `eps` of it.
@@ -18,7 +18,7 @@ def dbscan(points: ArrayLike, eps: float, min_samples: int = 1) -> Ints:
 
     Parameters
     ----------
-    points : (n, 3) or (n, 2) float64, metres
+    points : (n, 3) or (n, 2) float64, metres, or whatever `as_cloud` takes
         Takes at most 96 bytes a point beyond the input, labels included.
     eps : float, metres
     min_samples : int
@@ -52,11 +52,18 @@ def dbscan(points: ArrayLike, eps: float, min_samples: int = 1) -> Ints:
     >>> primfit.dbscan([[0, 0, 0], [0.05, 0, 0], [1, 0, 0]], eps=0.1, min_samples=2)
     array([ 0,  0, -1])
     """
-    array = np.asarray(points)
-    flat = array.ndim == 2 and array.shape[1] == 2
-    rows = as_rows("points", array, 2 if flat else 3)
-    if flat:
-        rows = np.column_stack([rows, np.zeros(len(rows))])
+    if _is_flat(points):
+        flat = as_rows("points", points, 2)
+        rows = np.column_stack([flat, np.zeros(len(flat))])
+    else:
+        rows = points_of("points", points)
     eps = number("eps", eps, above=0.0)
     min_samples = integer("min_samples", min_samples, low=1)
     return _primfit.dbscan(np.ascontiguousarray(rows), eps, min_samples)
+
+
+def _is_flat(points: PointsLike) -> bool:
+    shape = getattr(points, "shape", None)
+    if shape is None and isinstance(points, list | tuple):
+        shape = np.shape(points)
+    return shape is not None and len(shape) == 2 and shape[1] == 2

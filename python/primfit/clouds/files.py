@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import Floats, Ints, as_rows, instance
+from primfit._check import Floats, Ints
 from primfit._files import as_path, replacing
 from primfit.clouds.cloud import Cloud
+from primfit.clouds.foreign import PointsLike, borrowed, points_of
 from primfit.clouds.formats import arrays, e57, kitti, las, pcd, ply, ptx, text
 
 _FORMATS: dict[str, Any] = {
@@ -82,6 +83,10 @@ def read_cloud(file: str | PathLike[str], *, columns: Sequence[str] | None = Non
     array([7])
     """
     path = as_path(file)
+    if path.suffix.lower() in (".bag", ".mcap", ".db3") or (path / "metadata.yaml").is_file():
+        raise ValueError(f"{path} is a recording of many clouds: primfit.read_clouds reads them")
+    if path.is_dir():
+        raise IsADirectoryError(f"{path} is a folder, not a file")
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     suffix, kind = _format_of(path)
@@ -129,7 +134,7 @@ def read_points(file: str | PathLike[str]) -> Floats:
     return read_cloud(file).points
 
 
-def write_cloud(file: str | PathLike[str], cloud: Cloud) -> None:
+def write_cloud(file: str | PathLike[str], cloud: PointsLike) -> None:
     """Write points with all their fields.
 
     Coordinates keep their float64, but in .las and .laz, which count in steps: of a micrometre for
@@ -141,7 +146,7 @@ def write_cloud(file: str | PathLike[str], cloud: Cloud) -> None:
     file : path
         .ply, .pcd, .las, .laz, .e57, .xyz, .asc, .txt, .csv, .pts, .npy or .npz; those of text also
         with .gz. It takes the place of an older one only when all is written.
-    cloud : Cloud
+    cloud : Cloud, or whatever `as_cloud` takes
 
     Raises
     ------
@@ -166,7 +171,7 @@ def write_cloud(file: str | PathLike[str], cloud: Cloud) -> None:
     suffix, kind = _format_of(path)
     if not hasattr(kind, "write"):
         raise ValueError(f"file must not end in {suffix}, which is only read: {path.name!r}")
-    instance("cloud", cloud, Cloud)
+    cloud = borrowed("cloud", cloud)
     with replacing(path) as part:
         try:
             kind.write(part, cloud)
@@ -179,7 +184,7 @@ def write_cloud(file: str | PathLike[str], cloud: Cloud) -> None:
 
 
 def write_points(
-    file: str | PathLike[str], points: ArrayLike, *, colors: ArrayLike | None = None
+    file: str | PathLike[str], points: PointsLike, *, colors: ArrayLike | None = None
 ) -> None:
     """Write points, coloured if wanted.
 
@@ -187,7 +192,7 @@ def write_points(
     ----------
     file : path
         In any format of `write_cloud`.
-    points : (n, 3) float64, metres
+    points : (n, 3) float64, metres, or whatever `as_cloud` takes
     colors : (n, 3) uint8 or None
         Red, green, blue.
 
@@ -196,18 +201,19 @@ def write_points(
     ValueError, ModuleNotFoundError
         As `write_cloud` does, and when the arrays do not match.
     """
+    rows = points_of("points", points, finite=False)
     fields = {}
     if colors is not None:
-        points, given = as_rows("points", points, 3, finite=False), np.asarray(colors)
+        given = np.asarray(colors)
         if given.dtype.kind not in "biuf":
             raise TypeError(f"colors must be whole numbers from 0 to 255, not {given.dtype}")
         with np.errstate(invalid="ignore"):
             fields["color"] = given.astype(np.uint8)
-        if given.shape != points.shape:
+        if given.shape != rows.shape:
             raise ValueError(f"colors must have a row of three for each point, not {given.shape}")
         if not np.array_equal(fields["color"], given):
             raise ValueError("colors must be whole numbers from 0 to 255")
-    write_cloud(file, Cloud(points, fields))  # type: ignore[arg-type]
+    write_cloud(file, Cloud(rows, fields))
 
 
 def write_mesh(file: str | PathLike[str], vertices: Floats, triangles: Ints) -> None:

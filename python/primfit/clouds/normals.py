@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit import _primfit
-from primfit._check import Floats, as_rows, integer, n_jobs_or_none
+from primfit._check import Floats, integer, n_jobs_or_none
+from primfit.clouds.foreign import PointsLike, points_of
 from primfit.scans.scan import one_or_each
 
 
 def estimate_normals(
-    points: ArrayLike,
+    points: PointsLike,
     k: int = 16,
     origins: ArrayLike | None = None,
     *,
@@ -21,7 +22,7 @@ def estimate_normals(
 
     Parameters
     ----------
-    points : (n, 3) float64, metres
+    points : (n, 3) float64, metres, or whatever `as_cloud` takes
         At least 3.
     k : int
         How many nearest points, itself included, tell the normal of a point; at least 3.
@@ -51,7 +52,7 @@ def estimate_normals(
     >>> primfit.estimate_normals(np.column_stack([xy, np.ones(100)]), origins=[0, 0, 0])[0]
     array([-0., -0., -1.])
     """
-    rows = np.ascontiguousarray(as_rows("points", points, 3))
+    rows = np.ascontiguousarray(points_of("points", points))
     k = integer("k", k, low=3)
     if len(rows) < 3:
         raise ValueError(f"points must be at least 3, since a plane needs as many, not {len(rows)}")

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from primfit import _primfit
 from primfit._check import Bools, Floats, Ints, generator, integer, n_jobs_or_none, number
-from primfit.clouds.cloud import Cloud
+from primfit.clouds.foreign import PointsLike
 from primfit.clouds.noise import FLOOR
 from primfit.geometry.products import dot, dots
 from primfit.planes.organised import image_of, image_parts
@@ -20,6 +20,7 @@ from primfit.planes.plane import Plane, Planes
 from primfit.planes.ransac import NoisyPoints, Orientation, PlaneModel, fit
 from primfit.planes.scan_planes import SIGMAS, Progress, check_enough
 from primfit.planes.surfaces import flat_parts
+from primfit.scans.recorded import as_scan
 from primfit.scans.scan import Scan, as_sigma
 
 _REACH = 4.0
@@ -30,7 +31,7 @@ _WORSE = 1.5
 
 
 def detect_planes(
-    points: ArrayLike | Scan,
+    points: Scan | PointsLike,
     origins: ArrayLike | None = None,
     sigma: ArrayLike | None = None,
     rng: Any = None,
@@ -58,7 +59,7 @@ def detect_planes(
 
     Parameters
     ----------
-    points : (n, 3) or (h, w, 3) float64, metres, Cloud or Scan
+    points : Scan, or (n, 3) or (h, w, 3) float64, metres, or whatever `as_cloud` takes
         Pixels without a point are NaN or 0 0 0; labels and inliers count pixels row by row.
     origins : (n, 3), (3,) or None, metres
         Where the sensor was; with it planes are fitted to the ranges, and their normals point to
@@ -101,17 +102,8 @@ def detect_planes(
     >>> len(planes), f"{planes[0].rms:.6f}"
     (1, '0.000000')
     """
-    if isinstance(points, Scan):
-        if origins is not None:
-            raise ValueError("origins must be None for a Scan, which has its own")
-        scan = points
-    else:
-        # Nobody sees the scan, so it need not own its points.
-        cloud = points
-        if not isinstance(points, Cloud):
-            cloud = np.asarray(points).view()
-            cloud.setflags(write=False)
-        scan = Scan.from_points(cloud, origins, sigma)
+    # Nobody sees the scan, so it need not own its points.
+    scan = as_scan(points, origins, copy=False)
     generator(rng)
     offset = scan.far_offset
     scan = scan.moved(-offset)

@@ -15,6 +15,13 @@ _LEAST_SIDE = 8
 _MOST_EMPTY = 4
 """Pixels of an image for each beam, above which layers and columns are no image."""
 
+_LOOKED_AT, _FAR = 64, 8
+"""Rows and columns that tell whether an image is in order, and pixels of a leap along a row."""
+
+_LEAST_ORDER = 0.75
+"""Share of pixels whose neighbour is nearer than one some pixels on: half of them without order, and
+all but those at edges with it."""
+
 
 def image_of(scan: Scan) -> Ints | None:
     """The row of the scan in each pixel (h, w), -1 for none; None when it is no single image."""
@@ -28,12 +35,33 @@ def image_of(scan: Scan) -> Ints | None:
     if min(height, width) < _LEAST_SIDE or height * width > _MOST_EMPTY * len(scan):
         return None
     pixels = (layer - low) * width + (column - left)
-    image = np.full(height * width, -1, dtype=np.int64)
-    image[pixels] = np.arange(len(scan))
+    flat = np.full(height * width, -1, dtype=np.int64)
+    flat[pixels] = np.arange(len(scan))
     # Two beams in one pixel are no image.
-    if np.count_nonzero(image >= 0) < len(scan):
+    if np.count_nonzero(flat >= 0) < len(scan):
         return None
-    return image.reshape(height, width)
+    image = flat.reshape(height, width)
+    return image if _is_in_order(scan.points, image) else None
+
+
+def _is_in_order(points: Floats, image: Ints) -> bool:
+    """Whether pixels that are neighbours are near each other, unlike rows that were only folded."""
+    height, width = image.shape
+    rows = np.unique(np.linspace(0, height - 2, _LOOKED_AT).astype(int))
+    columns = np.unique(np.linspace(0, width - 2, _LOOKED_AT).astype(int))
+    at = rows[:, None], columns
+    far = min(_FAR, width // 2)
+    across = rows[:, None], np.where(columns + far < width, columns + far, columns - far)
+    opposite = (rows[:, None] + height // 2) % height, (columns + width // 2) % width
+    beside, below = (rows[:, None], columns + 1), (rows[:, None] + 1, columns)
+    for near, other in ((beside, across), (below, opposite)):
+        known = (image[at] >= 0) & (image[near] >= 0) & (image[other] >= 0)
+        here, step, leap = (points[image[each][known]] for each in (at, near, other))
+        steps, leaps = (((there - here) ** 2).sum(axis=1) for there in (step, leap))
+        told = np.isfinite(steps) & np.isfinite(leaps)
+        if np.count_nonzero(steps[told] < leaps[told]) <= _LEAST_ORDER * np.count_nonzero(told):
+            return False
+    return True
 
 
 def image_parts(

@@ -14,6 +14,7 @@ from scipy.spatial import ConvexHull, QhullError
 from primfit._check import Floats, Ints, writable
 from primfit._later import Later, called, mapped, replaced
 from primfit.geometry.products import product
+from primfit.viewing.shown import Shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +100,7 @@ class Plane:
 
 
 @dataclass(frozen=True, eq=False)
-class Planes:
+class Planes(Shown):
     """The planes of a cloud, the one with the most points first.
 
     Attributes
@@ -137,6 +138,11 @@ class Planes:
 
     def __iter__(self) -> Iterator[Plane]:
         return iter(self.planes)
+
+    def _repr_html_(self) -> str:
+        from primfit._tables import planes_html
+
+        return planes_html(self.planes, repr(self))
 
     def __repr__(self) -> str:
         share = float((self.labels >= 0).mean()) if len(self.labels) else 0.0

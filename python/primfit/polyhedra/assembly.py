@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 import networkx as nx
 import numpy as np
-from numpy.typing import ArrayLike
 
-from primfit._check import as_rows, check_within, instance
+from primfit._check import check_within, instance
+from primfit.clouds.foreign import PointsLike, points_of
 from primfit.planes.plane import Plane, planes_of
 from primfit.polyhedra.adjacency import OPEN, Face, meet
 from primfit.polyhedra.boxes import boxes_among
@@ -17,7 +17,7 @@ from primfit.polyhedra.found import Polyhedra
 
 
 def find_polyhedra(
-    planes: Iterable[Plane], points: ArrayLike, *, facing: bool = False
+    planes: Iterable[Plane], points: PointsLike, *, facing: bool = False
 ) -> Polyhedra:
     """Solids that bounded planes enclose, of any shape and in any position.
 
@@ -41,7 +41,7 @@ def find_polyhedra(
     planes : iterable of Plane
         Their outlines, concave for concave faces, must follow the true ones to about three
         spacings of the points.
-    points : (n, 3) float64, metres
+    points : (n, 3) float64, metres, or whatever `as_cloud` takes
         The cloud of whose rows `inliers` are.
     facing : bool
         Whether the normals of the planes point to where they were seen from. Then what is seen from
@@ -67,7 +67,7 @@ def find_polyhedra(
     >>> primfit.find_polyhedra(planes, points).solids[0].kind
     'rectangle'
     """
-    cloud = as_rows("points", points, 3, finite=False)
+    cloud = points_of("points", points, finite=False)
     check_within("points", cloud)
     chosen = planes_of(planes, len(cloud))
     instance("facing", facing, bool)

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from primfit._check import Floats, Ints, as_rows, check_within
+from primfit._check import Floats, Ints, check_within
+from primfit.clouds.foreign import PointsLike, points_of
 from primfit.geometry.products import dots, lengths_of, product, solved, turned_by
 from primfit.planes.plane import Plane, planes_of
 from primfit.polyhedra.adjacency import clear_of
@@ -70,7 +70,7 @@ class BoxFit:
         )
 
 
-def fit_box(planes: Iterable[Plane], points: ArrayLike) -> BoxFit:
+def fit_box(planes: Iterable[Plane], points: PointsLike) -> BoxFit:
     """The box of least squares whose faces the planes are.
 
     All faces are turned together, each to its nearest axis, so that the sum of the squared
@@ -83,7 +83,7 @@ def fit_box(planes: Iterable[Plane], points: ArrayLike) -> BoxFit:
         Two to six, at least two of them nearly at right angles; at most one for each face. Three
         that meet, as in `Detection.shells`, tell the whole box; without opposite planes it ends
         where their outlines do.
-    points : (n, 3) float64, metres
+    points : (n, 3) float64, metres, or whatever `as_cloud` takes
         The cloud of whose rows `inliers` are.
 
     Returns
@@ -105,7 +105,7 @@ def fit_box(planes: Iterable[Plane], points: ArrayLike) -> BoxFit:
     >>> np.round(fit.box.vertices.max(axis=0), 1).tolist(), sum(fit.observed)
     ([3.0, 2.0, 1.0], 3)
     """
-    cloud = as_rows("points", points, 3, finite=False)
+    cloud = points_of("points", points, finite=False)
     check_within("points", cloud)
     chosen = planes_of(planes, len(cloud))
     if not 2 <= len(chosen) <= 6:

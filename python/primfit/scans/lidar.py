@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, field, fields
+from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import Floats, as_vector, integer, number
+from primfit._check import Floats, as_floats, as_vector, integer, number
 
 E_PUCK_TURRET = (-0.0095, 0.0, 0.0486)
 """Turret slot of the e-puck in the robot's frame, metres (Webots R2022b documentation)."""
@@ -47,6 +48,10 @@ class Lidar:
     mount : (3,) or (4, 4) or "e-puck"
         Where the sensor sits in the robot's frame: a translation in metres, a rigid transform
         ``T_robot_sensor``, or the e-puck's turret slot.
+    beams : (layers, columns, 3) float64 or None
+        Directions in the sensor's frame, for a sensor whose beams are no grid of angles: layers
+        that are not evenly apart, or a rosette. They replace the layers, columns and fields of
+        view, which are read off them.
 
     Raises
     ------
@@ -76,9 +81,12 @@ class Lidar:
     noise: float = 0.0
     resolution: float = -1.0
     mount: Any = field(default=(0.0, 0.0, 0.06), repr=False)
+    beams: Any = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
+        if self.beams is not None:
+            self._measure_beams()
         for name in ("number_of_layers", "horizontal_resolution"):
             set_field(self, name, integer(name, getattr(self, name), low=1, high=_MOST_BEAMS))
         vertical = number("vertical_field_of_view", self.vertical_field_of_view, low=0.0)
@@ -89,7 +97,7 @@ class Lidar:
             )
         if horizontal > 2 * np.pi + 1e-9:
             raise ValueError(f"field_of_view must be at most 2 pi radians, not {horizontal!r}")
-        if self.number_of_layers > 1 and vertical == 0.0:
+        if self.number_of_layers > 1 and vertical == 0.0 and self.beams is None:
             raise ValueError(
                 f"vertical_field_of_view must be greater than 0 for number_of_layers="
                 f"{self.number_of_layers}: the layers would coincide"
@@ -115,7 +123,7 @@ class Lidar:
         set_field(self, "noise", noise)
         set_field(self, "resolution", resolution)
         set_field(self, "mount", _as_transform(self.mount))
-        if self.number_of_layers > 1:
+        if self.number_of_layers > 1 and self.beams is None:
             most = vertical * self.horizontal_resolution / horizontal
             if self.number_of_layers >= most:
                 warnings.warn(
@@ -125,15 +133,58 @@ class Lidar:
                     stacklevel=3,
                 )
 
+    def _measure_beams(self) -> None:
+        """Check the directions, and set layers, columns and fields of view to theirs."""
+        beams = np.array(as_floats("beams", self.beams))
+        if beams.ndim != 3 or beams.shape[-1] != 3 or not beams.size:
+            raise ValueError(f"beams must have shape (layers, columns, 3), not {beams.shape}")
+        lengths = np.linalg.norm(beams, axis=-1, keepdims=True)
+        if not (np.isfinite(lengths) & (lengths > 0.0)).all():
+            raise ValueError("beams must be finite directions of a length greater than 0")
+        beams /= lengths
+        elevation = np.arcsin(np.clip(beams[..., 2], -1.0, 1.0))
+        azimuth = np.arctan2(beams[..., 1], beams[..., 0])
+        for name, value in (
+            ("beams", beams),
+            ("number_of_layers", beams.shape[0]),
+            ("horizontal_resolution", beams.shape[1]),
+            ("vertical_field_of_view", float(np.ptp(elevation))),
+            ("field_of_view", float(np.ptp(azimuth)) or 2.0 * np.pi),
+        ):
+            object.__setattr__(self, name, value)
+
     def _key(self) -> tuple[Any, ...]:
-        plain = (getattr(self, each.name) for each in fields(self) if each.name != "mount")
-        return (*plain, self.mount.tobytes())
+        arrays = ("mount", "beams")
+        plain = (getattr(self, each.name) for each in fields(self) if each.name not in arrays)
+        beams = None if self.beams is None else self.beams.tobytes()
+        return (*plain, self.mount.tobytes(), beams)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Lidar) and self._key() == other._key()
 
     def __hash__(self) -> int:
         return hash(self._key())
+
+    @classmethod
+    def from_webots(cls, file: str | PathLike[str]) -> Lidar:
+        """The first lidar of a world of Webots (.wbt), with its mount in the frame of its robot.
+
+        Parameters
+        ----------
+        file : path
+            Of R2022a or later, where z is up. In the turret of an e-puck the mount is that of its
+            slot, and what the node adds.
+
+        Raises
+        ------
+        OSError
+            When the file cannot be opened.
+        ValueError
+            When it is no such world, or has no `Lidar`.
+        """
+        from primfit.scans.webots import lidar_of_webots
+
+        return lidar_of_webots(file)
 
     @classmethod
     def paper(cls, **changes: Any) -> Lidar:
@@ -169,27 +220,153 @@ class Lidar:
             return cls(**(setting | changes))
 
     @classmethod
-    def vlp16(cls, *, mount: ArrayLike = (0.0, 0.0, 0.0), **changes: Any) -> Lidar:
-        """A Velodyne VLP-16 as its data sheet has it: 16 layers over 30 degrees, 360 degrees.
+    def vlp16(cls, *, mount: ArrayLike, **changes: Any) -> Lidar:
+        """A Velodyne VLP-16: 16 layers over 30 degrees, 1800 columns a turn.
 
-        100 m, 3 cm (taken as the standard deviation), 2 mm steps, 1800 columns a turn.
+        Its data sheet: 0.5 to 100 m, 3 cm (taken as the standard deviation), steps of 2 mm.
+
+        Parameters
+        ----------
+        mount : (3,) or (4, 4)
+            Where the sensor sits in the robot's frame, as everywhere.
+        **changes
+            Parameters of `Lidar` that differ. The noise stays 3 cm when `max_range` changes.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> lidar = primfit.Lidar.vlp16(mount=(0, 0, 0.5), max_range=20.0)
+        >>> round(lidar.sigma, 3), lidar.directions.shape
+        (0.03, (16, 1800, 3))
         """
-        sheet: dict[str, Any] = {
-            "number_of_layers": 16,
-            "vertical_field_of_view": np.radians(30.0),
-            "horizontal_resolution": 1800,
-            "field_of_view": 2 * np.pi,
-            "min_range": 0.5,
-            "max_range": 100.0,
-            "noise": 0.03 / 100.0,
-            "resolution": 0.002,
-            "mount": mount,
-        }
-        return cls(**(sheet | changes))
+        grid = {"number_of_layers": 16, "vertical_field_of_view": np.radians(30.0)}
+        grid |= {"horizontal_resolution": 1800, "field_of_view": 2 * np.pi}
+        return cls._of_sheet(mount, 0.5, 100.0, 0.03, 0.002, grid, changes)
+
+    @classmethod
+    def hdl32e(cls, *, mount: ArrayLike, **changes: Any) -> Lidar:
+        """A Velodyne HDL-32E: 32 layers from +10.67 to -30.67 degrees, 2170 columns a turn.
+
+        Its manual (63-9113): 0.05 to 100 m, steps of 2 mm, 700,000 beams a second at 10 turns a
+        second; 2 cm, taken as the standard deviation.
+
+        Parameters
+        ----------
+        mount, **changes
+            As of `Lidar.vlp16`.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> primfit.Lidar.hdl32e(mount=(0, 0, 1.8)).directions.shape
+        (32, 2170, 3)
+        """
+        elevations = np.radians(np.linspace(10.67, -30.67, 32))
+        grid = {"beams": _turn_of_layers(elevations, 2170)}
+        return cls._of_sheet(mount, 0.05, 100.0, 0.02, 0.002, grid, changes)
+
+    @classmethod
+    def os1_64(cls, *, mount: ArrayLike, **changes: Any) -> Lidar:
+        """An Ouster OS1-64 (first generation): 64 layers over 33.2 degrees, 1024 columns a turn.
+
+        Its data sheet: 0.8 to 120 m, steps of 12 mm, and a standard deviation of 1.5 to 10 cm by
+        how much light returns; here 3 cm, that of its middle.
+
+        Parameters
+        ----------
+        mount, **changes
+            As of `Lidar.vlp16`.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> primfit.Lidar.os1_64(mount=(0, 0, 1.8)).directions.shape
+        (64, 1024, 3)
+        """
+        grid = {"number_of_layers": 64, "vertical_field_of_view": np.radians(33.2)}
+        grid |= {"horizontal_resolution": 1024, "field_of_view": 2 * np.pi}
+        with warnings.catch_warnings():
+            # Its layers are denser than its columns, which is all that Webots' domain forbids.
+            warnings.filterwarnings("ignore", message="number_of_layers=")
+            return cls._of_sheet(mount, 0.8, 120.0, 0.03, 0.012, grid, changes)
+
+    @classmethod
+    def rplidar_a1(cls, *, mount: ArrayLike, **changes: Any) -> Lidar:
+        """A Slamtec RPLIDAR A1M8: one level layer of 360 beams a turn.
+
+        Its data sheet: 0.15 to 12 m, 1 degree at 5.5 turns a second. It gives no standard
+        deviation, but a resolution that grows to 1 % of the distance: here 2 cm, which is that at
+        2 m. Give `noise` for rooms of another size.
+
+        Parameters
+        ----------
+        mount, **changes
+            As of `Lidar.vlp16`.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> primfit.Lidar.rplidar_a1(mount=(0, 0, 0.2)).directions.shape
+        (1, 360, 3)
+        """
+        grid = {"number_of_layers": 1, "horizontal_resolution": 360, "field_of_view": 2 * np.pi}
+        return cls._of_sheet(mount, 0.15, 12.0, 0.02, -1.0, grid, changes)
+
+    @classmethod
+    def rosette(cls, *, mount: ArrayLike, seconds: float = 0.1, **changes: Any) -> Lidar:
+        """A sensor like the Livox Mid-40: a rosette of two turning prisms over 38.4 degrees.
+
+        The prisms turn beams by equal angles at 7294 and -4664 turns a minute; 100,000 beams a
+        second, 1 to 130 m, 2 cm. The true sensor goes on where it stopped; here each pose
+        sees the same part of the rosette, of so many seconds. The numbers are those published of
+        the Mid-40, cited from memory and not checked against its sheet.
+
+        Parameters
+        ----------
+        seconds : float
+            For which the sensor measures at each pose.
+        mount, **changes
+            As of `Lidar.vlp16`.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> primfit.Lidar.rosette(mount=(0, 0, 1.0)).directions.shape
+        (1, 10000, 3)
+        """
+        seconds = number("seconds", seconds, above=0.0)
+        time = np.arange(max(1, round(1e5 * seconds))) / 1e5
+        turns = 2 * np.pi * time[:, None] * np.array([7294.0, -4664.0]) / 60.0
+        tilt = np.radians(38.4 / 4)
+        y, z = tilt * np.cos(turns).sum(axis=1), tilt * np.sin(turns).sum(axis=1)
+        off = np.hypot(y, z)
+        across = np.sinc(off / np.pi)
+        grid = {"beams": np.stack([np.cos(off), across * y, across * z], axis=1)[None]}
+        return cls._of_sheet(mount, 1.0, 130.0, 0.02, -1.0, grid, changes)
+
+    @classmethod
+    def _of_sheet(
+        cls,
+        mount: ArrayLike,
+        min_range: float,
+        max_range: float,
+        sigma: float,
+        resolution: float,
+        grid: dict[str, Any],
+        changes: dict[str, Any],
+    ) -> Lidar:
+        sheet = {"min_range": min_range, "max_range": max_range, "resolution": resolution}
+        settings = sheet | grid | {"mount": mount} | changes
+        if "noise" not in changes:
+            farthest = number("max_range", settings["max_range"], above=0.0)
+            settings["noise"] = sigma / farthest
+        return cls(**settings)
 
     @property
     def directions(self) -> Floats:
         """Unit directions (layers, columns, 3) in the sensor's frame: x forward, y left, z up."""
+        if self.beams is not None:
+            return np.array(self.beams)
         n = self.horizontal_resolution
         azimuth = -((np.arange(n) + 0.5) / n - 0.5) * self.field_of_view
         half = self.vertical_field_of_view / 2
@@ -209,6 +386,14 @@ class Lidar:
         """Standard deviation of a range, metres: noise and rounding together."""
         step = max(self.resolution, 0.0)
         return float(np.hypot(self.noise * self.max_range, step / np.sqrt(12.0)))
+
+
+def _turn_of_layers(elevations: Floats, columns: int) -> Floats:
+    """Directions (layers, columns, 3) of a whole turn, at elevations (layers,)."""
+    azimuth = -((np.arange(columns) + 0.5) / columns - 0.5) * 2 * np.pi
+    level, height = np.cos(elevations)[:, None], np.sin(elevations)[:, None]
+    parts = [level * np.cos(azimuth), level * np.sin(azimuth), height + np.zeros(columns)]
+    return np.stack(parts, axis=-1)
 
 
 def _as_transform(mount: Any) -> Floats:

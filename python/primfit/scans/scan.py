@@ -22,13 +22,17 @@ from primfit._check import (
     number,
 )
 from primfit._later import Later
-from primfit.clouds.cloud import Cloud, warn_of_millimetres
+from primfit.clouds.cloud import warn_of_millimetres
+from primfit.clouds.foreign import PointsLike, borrowed
 from primfit.geometry.extents import half_extent
 from primfit.scans.archives import load_arrays, save_arrays
 from primfit.scans.casting import unit_rows
+from primfit.viewing.shown import Shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from primfit.scans.lidar import Lidar
 
 _ARRAYS = ("points", "origins", "directions", "ranges")
 _INDICES = ("layer", "column", "pose_index", "solid_index")
@@ -40,7 +44,7 @@ are moved there: nearly three digits of the sixteen of float64 go to the place."
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Scan:
+class Scan(Shown):
     """All beams of a path, one row a beam, in any order.
 
     Made by `primfit.scan`, `Scan.from_rays` or `Scan.from_points`.
@@ -172,7 +176,7 @@ class Scan:
     @classmethod
     def from_points(
         cls,
-        points: ArrayLike,
+        points: PointsLike,
         origins: ArrayLike | None = None,
         sigma: ArrayLike | None = None,
         *,
@@ -183,7 +187,7 @@ class Scan:
 
         Parameters
         ----------
-        points : (n, 3) or (h, w, 3) float64, metres, or Cloud
+        points : (n, 3) or (h, w, 3) float64, metres, or whatever `as_cloud` takes
             An organised cloud, (h, w, 3) or with a shape, is taken row by row; row and column of
             each pixel become `layer` and `column`. Rows that are not finite are no returns. Nor are
             those of exactly 0 0 0 of an organised cloud, and of one with a single origin: so do
@@ -207,11 +211,9 @@ class Scan:
         >>> primfit.Scan.from_points([[1, 0, 0], [2, 0, 0]], origins=(0, 0, 0)).ranges
         array([1., 2.])
         """
-        shape = points.shape if isinstance(points, Cloud) else None
-        if np.ndim(points) == 3:
-            image = np.asarray(points)
-            shape, points = image.shape[:2], image.reshape(-1, image.shape[2])
-        cloud = as_rows("points", points, 3, finite=False)
+        given = borrowed("points", points)
+        shape = given.shape
+        cloud = as_rows("points", given.points, 3, finite=False)
         is_point = np.asarray(np.isfinite(cloud).all(axis=1))
         if shape is not None or (origins is not None and np.shape(origins) == (3,)):
             is_point &= cloud.any(axis=1)
@@ -252,6 +254,43 @@ class Scan:
             min_range=nearest,
             max_range=farthest,
         )
+
+    @classmethod
+    def from_readings(
+        cls, path: ArrayLike, lidar: Lidar, ranges: ArrayLike, sigma: ArrayLike | None = None
+    ) -> Scan:
+        """A scan from the ranges that a sensor has logged, pose by pose.
+
+        Parameters
+        ----------
+        path : (n, 3) or (3,) or (n, 4, 4) or (4, 4) float64
+            Poses, as in `primfit.scan`.
+        lidar : Lidar
+            Where its beams go, how far it sees, and where it is mounted.
+        ranges : (n, layers, columns) float64, metres
+            As the sensor of Webots gives them: layers from top to bottom, columns from left to
+            right; also flat, for each pose or altogether. inf for no return; beams of NaN or minus
+            infinity tell nothing and are left out.
+        sigma : float or None, metres
+            Standard deviation of the ranges; None is that of the lidar, and where this is 0, it is
+            to be estimated.
+
+        Raises
+        ------
+        ValueError
+            When the shape is another.
+
+        Examples
+        --------
+        >>> import numpy as np, primfit
+        >>> lidar = primfit.Lidar(number_of_layers=1, horizontal_resolution=4, max_range=5.0)
+        >>> path = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
+        >>> primfit.Scan.from_readings(path, lidar, [[[2, 2, 2, np.inf]], [[1, 1, 1, 1]]])
+        Scan(8 beams from 2 poses, 7 returns)
+        """
+        from primfit.scans.readings import scan_of_readings
+
+        return scan_of_readings(path, lidar, ranges, sigma)
 
     def __len__(self) -> int:
         return len(self.points)

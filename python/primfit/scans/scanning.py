@@ -80,7 +80,7 @@ def scan(
     instance("world", world, World)
     lidar = Lidar() if lidar is None else lidar
     instance("lidar", lidar, Lidar)
-    poses, is_planar = _as_transforms(path, lidar)
+    poses, is_planar = as_transforms(path, lidar)
     valid = np.flatnonzero(_is_valid(world, poses[:, :3, 3], inside_arena=is_planar))
     if not len(valid):
         raise ValueError(
@@ -129,7 +129,7 @@ def scan(
     )
 
 
-def _as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, bool]:
+def as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, bool]:
     """Sensor poses (n, 4, 4), and whether the path is planar."""
     try:
         array = np.asarray(path, dtype=np.float64)

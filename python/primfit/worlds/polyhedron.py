@@ -22,6 +22,7 @@ from primfit._check import (
     integer,
     number,
 )
+from primfit.clouds.foreign import PointsLike, points_of
 from primfit.geometry import shells
 from primfit.geometry.extrusions import prism_faces
 from primfit.geometry.faces import FlatFaced, check_flat, moments, triangles_of, winding_number
@@ -269,9 +270,9 @@ class Polyhedron(FlatFaced):
         faces = [face for face, is_up in zip(self.faces, up, strict=True) if is_up]
         return shapely.union_all([shapely.Polygon(self.vertices[face, :2]) for face in faces])
 
-    def contains(self, points: ArrayLike) -> Bools:
+    def contains(self, points: PointsLike) -> Bools:
         """Which points (n, 3) are inside, or within rounding of a face."""
-        rows = as_rows("points", points, 3)
+        rows = points_of("points", points)
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
         near = np.flatnonzero(((rows >= low) & (rows <= high)).all(axis=1))
         inside = np.zeros(len(rows), dtype=bool)

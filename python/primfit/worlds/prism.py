@@ -15,12 +15,12 @@ from primfit._check import (
     Bools,
     Floats,
     Ints,
-    as_rows,
     as_vector,
     integer,
     number,
     turn,
 )
+from primfit.clouds.foreign import PointsLike, points_of
 from primfit.geometry import footprints
 from primfit.geometry.extrusions import prism_faces, prism_triangles, prism_vertices
 
@@ -191,9 +191,9 @@ class Prism:
         """What it covers as seen from above."""
         return shapely.Polygon(self.footprint)
 
-    def contains(self, points: ArrayLike) -> Bools:
+    def contains(self, points: PointsLike) -> Bools:
         """Which points (n, 3) are inside or on the surface."""
-        rows = as_rows("points", points, 3)
+        rows = points_of("points", points)
         z = rows[:, 2]
         within = shapely.intersects_xy(self.shadow, rows[:, :2])
         return within & (z >= self.base) & (z <= self.base + self.height)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from primfit._check import Bools, Floats, Ints
 from primfit._files import as_path, replacing
 from primfit.geometry.footprints import clean_footprint, triangulate
+from primfit.viewing.shown import Shown
 from primfit.worlds.arena import Arena
+from primfit.worlds.meshes import as_solid, solids_of_mesh
 from primfit.worlds.polyhedron import Polyhedron
 from primfit.worlds.prism import Prism
 
@@ -54,16 +56,18 @@ OUTSIDE_COLOR = (60, 60, 60)
 
 
 @dataclass(frozen=True, eq=False)
-class World:
+class World(Shown):
     """Solids on a floor at z = 0, with or without an arena around them.
 
     Parameters
     ----------
     solids : sequence of Prism and Polyhedron
-        They may have any height and must not be inside each other for a scan to make sense; this
-        is left to the caller.
+        Also what `detect` found, or closed meshes, as those of trimesh. They may have any height
+        and must not be inside each other for a scan to make sense; this is left to the caller.
     arena : Arena or None
         None leaves the floor open.
+    left_out : mapping of str to int
+        How many nodes of which kind the file had that are no solids, as a robot.
 
     Examples
     --------
@@ -75,6 +79,7 @@ class World:
 
     solids: Sequence[Solid] = ()
     arena: Arena | None = None
+    left_out: Mapping[str, int] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
         try:
@@ -83,14 +88,42 @@ class World:
             raise TypeError(
                 f"solids must be a sequence of Prism and Polyhedron, not {self.solids!r}"
             ) from None
-        for i, solid in enumerate(solids):
-            if not isinstance(solid, Solid):
+        taken: list[Solid] = []
+        for i, given in enumerate(solids):
+            solid = as_solid(given)
+            if solid is None:
                 raise TypeError(
-                    f"solids[{i}] must be a Prism or a Polyhedron, not {type(solid).__name__}"
+                    f"solids[{i}] must be a Prism or a Polyhedron, not {type(given).__name__}"
                 )
+            taken.append(solid)
         if self.arena is not None and not isinstance(self.arena, Arena):
             raise TypeError(f"arena must be an Arena or None, not {type(self.arena).__name__}")
-        object.__setattr__(self, "solids", solids)
+        object.__setattr__(self, "solids", tuple(taken))
+
+    @classmethod
+    def from_mesh(cls, mesh: Any, arena: Arena | None = None) -> World:
+        """The world whose solids are the connected parts of a mesh.
+
+        Parameters
+        ----------
+        mesh : (vertices (v, 3), triangles (t, 3)), or a mesh of trimesh or Open3D
+            Each part must be closed; vertices of one place are one. Metres, z up.
+        arena : Arena or None
+
+        Raises
+        ------
+        TypeError, ValueError
+            When it is no mesh, or a part encloses nothing.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> boxes = [primfit.Polyhedron.box(0.3, 0.2, 0.1, center=(x, 0, 0.05)) for x in (0, 1)]
+        >>> vertices, triangles, of = primfit.World(boxes).to_mesh()
+        >>> primfit.World.from_mesh((vertices, triangles[of >= 0]))
+        World(2 solids: rectangle, rectangle; no arena)
+        """
+        return cls(solids_of_mesh(mesh), arena)
 
     @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -187,13 +220,39 @@ class World:
         }
 
     def save(self, file: str | PathLike[str]) -> None:
-        """Write the world as JSON; every number survives exactly."""
-        with replacing(file) as part:
-            part.write_text(json.dumps({"primfit": "world", **self.to_dict()}, indent=1))
+        """Write the world in the format of the suffix; every number survives exactly.
+
+        Parameters
+        ----------
+        file : path
+            .json; .wbt of Webots (R2023b and later); .xml, the MJCF of MuJoCo, whose static geoms
+            are called "solid-0", "wall-0" and "floor"; .glb, which is only written.
+
+        Raises
+        ------
+        OSError
+            When there is no such folder, or no room.
+        ValueError
+            When the suffix is another.
+        ModuleNotFoundError
+            For .glb, when the extra ``files`` is not installed.
+        """
+        path = as_path(file)
+        module = _format_of(path)
+        with replacing(path) as part:
+            module.write(part, self)
 
     @classmethod
     def load(cls, file: str | PathLike[str]) -> World:
-        """Read a world that `save` wrote.
+        """Read a world that `save` wrote, or one of Webots.
+
+        Parameters
+        ----------
+        file : path
+            .json; .wbt of any release, with y or z up, of which solids and arena are taken: boxes,
+            cylinders and closed meshes in nodes that place them, RectangleArena, Wall, SolidBox,
+            CardboardBox and WoodenBox. The floor of the arena is at z = 0 then. What else there is,
+            as a robot, is counted in `left_out`. .xml, if `save` wrote it.
 
         Raises
         ------
@@ -202,25 +261,32 @@ class World:
         ValueError
             When it is no such world.
         """
-        text = as_path(file).read_bytes()
+        path = as_path(file)
+        path.open("rb").close()
         try:
-            content = json.loads(text)
-            if content["primfit"] != "world":
-                raise ValueError("its 'primfit' does not say that it is a world")
-            arena = content["arena"] and Arena(**content["arena"])
-            solids = [
-                Prism(**solid) if "footprint" in solid else Polyhedron(**solid)
-                for solid in content["solids"]
-            ]
-            return cls(solids, arena)
+            module = _format_of(path)
+            if not hasattr(module, "read"):
+                raise ValueError(f"{path.suffix} is only written")
+            world: World = module.read(path)
+            return world
         except MemoryError:
             raise
         except Exception as error:
             # What is wrong with numbers and nesting is found in many a place.
             why = f"it lacks {error}" if isinstance(error, KeyError) else error
-            raise ValueError(f"{file} is not a world that primfit wrote: {why}") from None
+            raise ValueError(f"{file} is not a world that primfit reads: {why}") from None
 
     def __repr__(self) -> str:
         kinds = ", ".join(solid.kind for solid in self.solids) or "empty"
         where = "no arena" if self.arena is None else f"arena {self.arena.description}"
         return f"World({len(self.solids)} solid{'s' * (len(self.solids) != 1)}: {kinds}; {where})"
+
+
+def _format_of(path: Path) -> Any:
+    """The module for the suffix of a file."""
+    from primfit.worlds.formats import glb, mjcf, plain, wbt
+
+    formats = {".json": plain, ".wbt": wbt, ".xml": mjcf, ".glb": glb}
+    if path.suffix.lower() not in formats:
+        raise ValueError(f"file must end in one of {', '.join(formats)}, not {path.name!r}")
+    return formats[path.suffix.lower()]

@@ -33,9 +33,25 @@ def read(path: Path) -> Cloud:
     if path.suffix.lower() == ".npz":
         with Archive(path) as archive:
             return _of_archive(archive)
-    content = read_array(path)
+    return cloud_of_array(read_array(path))
+
+
+def cloud_of_array(content: Field) -> Cloud:
+    """The cloud of an array whose last axis, or whose named columns, are x, y, z and more.
+
+    Two axes of points make an organised cloud. It may share its numbers with the array.
+
+    Raises
+    ------
+    TypeError
+        When it holds no numbers.
+    ValueError
+        When its shape is another.
+    """
     if content.dtype.names is not None:
         return _of_named(content)
+    if content.dtype.kind not in "biuf" and content.size:
+        raise TypeError(f"its array holds {content.dtype}, not numbers")
     if content.ndim not in (2, 3) or content.shape[-1] < 3:
         raise ValueError(f"its array has shape {content.shape}, not (n, 3) or (h, w, 3)")
     if content.shape[0] == 3 and content.shape[-1] > _WIDE:
@@ -43,11 +59,10 @@ def read(path: Path) -> Cloud:
             f"its array has shape {content.shape}, as if x, y and z were its rows: the last axis "
             f"must be x, y, z and more"
         )
-    if content.dtype.kind not in "biuf":
-        raise ValueError(f"its array holds {content.dtype}, not numbers")
-    names = [*"xyz", *(f"column_{k}" for k in range(4, content.shape[-1] + 1))]
-    rows = content.reshape(math.prod(content.shape[:-1]), len(names))
-    return cloud_of(dict(zip(names, rows.T, strict=True)), _pixels(content[..., 0]))
+    width = content.shape[-1]
+    rows = content.reshape(math.prod(content.shape[:-1]), width)
+    fields = {f"column_{k + 1}": _at_most_64_bits(rows[:, k]) for k in range(3, width)}
+    return organised(rows[:, :3].astype(np.float64, copy=False), fields, _pixels(content[..., 0]))
 
 
 def _of_named(content: Field) -> Cloud:

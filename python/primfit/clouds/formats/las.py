@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from primfit._check import Floats
 from primfit.clouds.cloud import Cloud, Columns, cloud_of, columns_of
 from primfit.clouds.formats.las_header import read_header
 from primfit.clouds.formats.laz import decompressed
@@ -45,11 +47,18 @@ def read(path: Path) -> Cloud:
         for name, (kind, at) in (header.point_format.dtype().fields or {}).items()
         if any(ever[at : at + kind.itemsize])
     }
-    own = set(header.point_format.extra_dimension_names)
+    return cloud_of_record(record, places, used)
+
+
+def cloud_of_record(record: Any, places: Floats, used: set[str] | None = None) -> Cloud:
+    """The cloud of points of laspy at their places (n, 3); may be told what is not zero."""
+    layout = record.point_format
+    own = set(layout.extra_dimension_names)
     columns: Columns = {}
-    for name in header.point_format.dimension_names:
+    for name in layout.dimension_names:
         bytes_of = record.sub_fields_dict.get(name, (name,))[0]
-        if name not in ("X", "Y", "Z") and (name in own or bytes_of in used):
+        may_be_used = name in own or used is None or bytes_of in used
+        if name not in ("X", "Y", "Z") and may_be_used:
             values = np.asarray(record[name])
             if name in own or values.any():
                 columns[name] = values

@@ -14,7 +14,14 @@ from typing import Any
 import numpy as np
 
 from primfit import _primfit
-from primfit.clouds.cloud import Cloud, Columns, cloud_of, columns_of, table_of
+from primfit.clouds.cloud import (
+    Cloud,
+    Columns,
+    cloud_of,
+    columns_of,
+    table_of,
+    without_packed_colors,
+)
 
 _NORMAL = {"nx": "normal_x", "ny": "normal_y", "nz": "normal_z"}
 _TYPES = {"I": "1248", "U": "1248", "F": "48"}
@@ -61,18 +68,7 @@ def read(path: Path) -> Cloud:
         columns = _columns_of_rows(content, head)
     else:
         columns = _columns_of_packed(content, head)
-    unpacked: Columns = {}
-    for name, values in columns.items():
-        if name in ("rgb", "rgba") and values.dtype.itemsize == 4 and values.ndim == 1:
-            # Blue is the lowest byte, whatever number the four bytes are said to be.
-            parts = np.ascontiguousarray(values).view("<u4")[:, None] >> [16, 8, 0, 24]
-            red, green, blue, alpha = parts.astype(np.uint8).T
-            unpacked |= {"red": red, "green": green, "blue": blue}
-            if name == "rgba":
-                unpacked["alpha"] = alpha
-        else:
-            unpacked[name] = values
-    return cloud_of(unpacked, head.shape if head.shape[0] > 1 else None)
+    return cloud_of(without_packed_colors(columns), head.shape if head.shape[0] > 1 else None)
 
 
 def _head_of(content: bytes) -> Head:

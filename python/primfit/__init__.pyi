@@ -1,0 +1,84 @@
+"""LiDAR scans to solid geometry."""
+
+from .clouds.cloud import Cloud
+from .clouds.clustering import dbscan
+from .clouds.depth import points_of_depth
+from .clouds.files import read_cloud, read_points, write_cloud, write_points
+from .clouds.foreign import as_cloud
+from .clouds.normals import estimate_normals
+from .detection import choose_method, detect
+from .evaluation import Report, evaluate
+from .likelihood.settings import LikelihoodSettings
+from .paper.detection import PaperSettings
+from .planes.detection import detect_planes
+from .planes.plane import Plane, Planes
+from .polyhedra.assembly import find_polyhedra
+from .polyhedra.box_fit import BoxFit, fit_box
+from .polyhedra.found import FoundPolyhedron, Polyhedra
+from .results import Contradiction, Detection, FoundArena, FoundSolid
+from .scans.bags import read_clouds, read_scan
+from .scans.casting import RayCaster
+from .scans.lidar import Lidar
+from .scans.scan import Scan
+from .scans.scanning import scan
+from .scans.webots import export_webots
+from .segmentation import SegmentationReport, evaluate_segmentation
+from .worlds.arena import Arena
+from .worlds.paper_setting import built_of_walls, paper_path, paper_world
+from .worlds.paths import grid_path, waypoints
+from .worlds.polyhedron import Polyhedron
+from .worlds.prism import Prism
+from .worlds.random_worlds import WorldFullError, random_world
+from .worlds.world import World
+
+__version__: str
+
+__all__ = [
+    "Arena",
+    "BoxFit",
+    "Cloud",
+    "Contradiction",
+    "Detection",
+    "FoundArena",
+    "FoundPolyhedron",
+    "FoundSolid",
+    "Lidar",
+    "LikelihoodSettings",
+    "PaperSettings",
+    "Plane",
+    "Planes",
+    "Polyhedra",
+    "Polyhedron",
+    "Prism",
+    "RayCaster",
+    "Report",
+    "Scan",
+    "SegmentationReport",
+    "World",
+    "WorldFullError",
+    "as_cloud",
+    "built_of_walls",
+    "choose_method",
+    "dbscan",
+    "detect",
+    "detect_planes",
+    "estimate_normals",
+    "evaluate",
+    "evaluate_segmentation",
+    "export_webots",
+    "find_polyhedra",
+    "fit_box",
+    "grid_path",
+    "paper_path",
+    "paper_world",
+    "points_of_depth",
+    "random_world",
+    "read_cloud",
+    "read_clouds",
+    "read_points",
+    "read_scan",
+    "scan",
+    "waypoints",
+    "write_cloud",
+    "write_points",
+]

@@ -1,0 +1,1 @@
+"""Worlds, scans, clouds, planes and detections as scenes in space."""
