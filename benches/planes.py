@@ -163,9 +163,12 @@ def scores(labels: np.ndarray, scene: Scene) -> dict[str, float | None]:
     if scene.truth is None:
         return row
     iou = overlaps(labels, scene.truth)
+    ignored = scene.extra.get("ignored", np.zeros(len(labels), dtype=bool))
+    counted = [ignored[labels == k].mean() < 0.5 for k in np.unique(labels[labels >= 0])]
+    counted = np.array(counted, dtype=bool)
     for limit in (0.5, 0.75, 0.8):
         right = (iou >= limit).any(axis=0).mean() if iou.size else 0.0
-        precise = (iou >= limit).any(axis=1).mean() if iou.size else 0.0
+        precise = (iou[counted] >= limit).any(axis=1).mean() if iou[counted].size else 0.0
         row[f"recall_{limit}"], row[f"precision_{limit}"] = float(right), float(precise)
         row[f"f_{limit}"] = float(2 * right * precise / max(right + precise, 1e-12))
     row["normal_error_deg"] = normal_error(labels, scene.truth, iou, scene.points)

@@ -108,6 +108,63 @@ class TestClouds:
         assert iou(planes.labels, (xy[:, 0] > 0.5).astype(int)).min() > 0.9
 
 
+def rectangle(corner, u, v, n, sigma, rng):
+    """Points scattered over a rectangle, with noise across it."""
+    corner, u, v = (np.array(x, float) for x in (corner, u, v))
+    at, normal = rng.uniform(size=(n, 2)), np.cross(u, v)
+    off = rng.normal(0, sigma, (n, 1)) * normal / np.linalg.norm(normal)
+    return corner + at[:, :1] * u + at[:, 1:] * v + off
+
+
+class TestLayersAndGaps:
+    @pytest.mark.parametrize(("apart", "sigma"), [(0.1, 0.01), (0.02, 0.001)])
+    def test_two_sheets_ten_sigma_apart_are_two_planes(self, apart, sigma):
+        rng = np.random.default_rng(3)
+        sheets = [
+            rectangle([0, y, 0], [5, 0, 0], [0, 0, 2.5], 6000, sigma, rng) for y in (0, apart)
+        ]
+        planes = primfit.detect_planes(np.concatenate(sheets))
+        assert len(planes) == 2
+        assert iou(planes.labels, np.repeat([0, 1], 6000)).min() > 0.99
+        assert planes.sigma == pytest.approx(sigma, rel=0.1)
+
+    def test_one_thick_sheet_is_one_plane(self):
+        rng = np.random.default_rng(3)
+        sheet = rectangle([0, 0, 0], [5, 0, 0], [0, 0, 2.5], 12_000, 0.05, rng)
+        assert len(primfit.detect_planes(sheet)) == 1
+
+    @pytest.mark.parametrize(("nx", "ny"), [(3, 1), (6, 1), (3, 3)])
+    def test_equal_gaps_are_all_cut(self, nx, ny):
+        rng = np.random.default_rng(4)
+        parts = [
+            rectangle([1.3 * i, 1.3 * j, 0], [1, 0, 0], [0, 1, 0], 1000, 0.003, rng)
+            for i in range(nx)
+            for j in range(ny)
+        ]
+        planes = primfit.detect_planes(np.concatenate(parts))
+        assert len(planes) == nx * ny
+        assert iou(planes.labels, np.repeat(np.arange(nx * ny), 1000)).min() > 0.95
+
+
+class TestClutterAndCurves:
+    def test_a_tank_has_hardly_a_plane(self):
+        rng = np.random.default_rng(3)
+        turn, z = rng.uniform(0, 2 * np.pi, 20_000), rng.uniform(0, 5, 20_000)
+        radius = 10 + rng.normal(0, 0.02, 20_000)
+        tank = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), z])
+        planes = primfit.detect_planes(tank)
+        assert len(planes) <= 2
+        assert (planes.labels >= 0).mean() < 0.02
+
+    @pytest.mark.parametrize("seed", [1, 4, 5, 7])
+    def test_returns_scattered_around_a_sensor_are_no_plane(self, seed):
+        rng = np.random.default_rng(seed)
+        around, up = rng.uniform(0, 2 * np.pi, 2000), rng.uniform(-0.4, 0.4, 2000)
+        ranges = 20 * rng.uniform(size=2000) ** (1 / 3)
+        directions = [np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)]
+        assert len(primfit.detect_planes((ranges * np.array(directions)).T)) == 0
+
+
 @pytest.fixture(scope="module")
 def turns():
     def block(x, y, width, depth, height):
@@ -188,7 +245,31 @@ class TestInvariance:
             np.testing.assert_array_equal(many.equations, one.equations)
 
 
+class TestOrder:
+    @pytest.mark.parametrize("step", [0.0, 0.004])
+    def test_the_order_of_rows_decides_nothing(self, step):
+        """Also where coordinates come in steps, so that distances are alike and points repeat."""
+        cloud = cube(300, sigma=0.01)
+        if step:
+            cloud = np.round(cloud / step) * step
+        here = primfit.detect_planes(cloud)
+        assert len(here) >= 6
+        for seed in range(3):
+            order = np.random.default_rng(seed).permutation(len(cloud))
+            there = primfit.detect_planes(cloud[order])
+            np.testing.assert_array_equal(there.labels, here.labels[order])
+            np.testing.assert_array_equal(there.equations, here.equations)
+
+
 class TestArguments:
+    def test_sigma_is_a_number_one_a_point_or_a_function(self):
+        cloud = cube(300)
+        one = primfit.detect_planes(cloud, sigma=0.003)
+        for sigma in (np.full(len(cloud), 0.003), lambda points: np.full(len(points), 0.003)):
+            np.testing.assert_array_equal(
+                primfit.detect_planes(cloud, sigma=sigma).labels, one.labels
+            )
+
     def test_threshold_and_sigma(self):
         cloud = cube()
         told = primfit.detect_planes(cloud, threshold=0.006)

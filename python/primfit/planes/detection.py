@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -33,7 +34,7 @@ _WORSE = 1.5
 def detect_planes(
     points: Scan | PointsLike,
     origins: ArrayLike | None = None,
-    sigma: ArrayLike | None = None,
+    sigma: ArrayLike | Callable[[Floats], ArrayLike] | None = None,
     rng: Any = None,
     *,
     orientation: Any = "any",
@@ -64,8 +65,10 @@ def detect_planes(
     origins : (n, 3), (3,) or None, metres
         Where the sensor was; with it planes are fitted to the ranges, and their normals point to
         the sensor. Else the largest component of each normal is positive.
-    sigma : float, (n,) or None, metres
-        Noise; None is estimated around each point. Of an image (h, w), it is (h * w,).
+    sigma : float, (n,), callable or None, metres
+        Noise: one, one per point, or a function of the points (n, 3) that gives either, such as
+        ``lambda points: 0.003 * points[:, 2] ** 2`` of a depth camera. None is estimated around
+        each point. Of an image (h, w), n is h * w.
     rng : None, int or numpy.random.Generator
         Taken as everywhere else; nothing is drawn at random here.
     orientation : str or (3,)
@@ -104,6 +107,8 @@ def detect_planes(
     """
     # Nobody sees the scan, so it need not own its points.
     scan = as_scan(points, origins, copy=False)
+    if callable(sigma):
+        sigma = sigma(np.asarray(scan.points))
     generator(rng)
     offset = scan.far_offset
     scan = scan.moved(-offset)
@@ -128,7 +133,7 @@ def detect_planes(
     else:
         parts = image_parts(scan.points, image, _spread_out(noise, returns), n_jobs).select(rows)
     directions = np.ascontiguousarray(scan.directions[rows]) if scan.has_origins else None
-    members = _members(parts.labels)
+    members = _members(parts.labels, parts.order)
     outlines = Outlines(n_jobs)
     planes: list[Plane] = []
     thresholds: list[float] = []
@@ -148,12 +153,13 @@ def detect_planes(
             if fitted is None or fitted[1].sum() < least:
                 continue
             model, is_near, reach = fitted
-            inliers = rows[own[is_near]]
+            near = own[is_near]
+            inliers = rows[near]
             labels[inliers] = len(planes)
-            outline = outlines.of(model.equation, scan.points[inliers])
+            outline = outlines.of(model.equation, cloud[near])
             plane = Plane(
                 equation=model.equation,
-                inliers=inliers,
+                inliers=np.sort(inliers),
                 boundary=outline.boundary,
                 area=outline.area,
                 rms=model.rms,
@@ -186,10 +192,12 @@ def _spread_out(noise: Floats | None, returns: Bools) -> Floats | None:
     return all_noise
 
 
-def _members(labels: Ints) -> list[Ints]:
-    """Rows of each label, rising."""
+def _members(labels: Ints, rows: Ints) -> list[Ints]:
+    """Rows of each label, in the order in which all rows are given."""
+    sorted_labels = labels[rows]
     # Narrow integers are sorted without being compared.
-    order = np.argsort(labels.astype(np.min_scalar_type(-1 - labels.max())), kind="stable")
+    order = np.argsort(sorted_labels.astype(np.min_scalar_type(-1 - labels.max())), kind="stable")
+    order = rows[order]
     counts = np.bincount(labels[labels >= 0])
     return (
         np.split(order[len(labels) - counts.sum() :], np.cumsum(counts)[:-1]) if len(counts) else []

@@ -19,8 +19,8 @@ _LOOKED_AT, _FAR = 64, 8
 """Rows and columns that tell whether an image is in order, and pixels of a leap along a row."""
 
 _LEAST_ORDER = 0.75
-"""Share of pixels whose neighbour is nearer than one some pixels on: half of them without order, and
-all but those at edges with it."""
+"""Share of pixels whose neighbour is nearer than one some pixels on: of rows without order half, of
+an image all but those at edges."""
 
 
 def image_of(scan: Scan) -> Ints | None:
@@ -93,11 +93,12 @@ def image_parts(
         labels, noise = _primfit.segment_image(
             np.ascontiguousarray(points), image.shape[1], sigma, n_jobs
         )
-        return FlatParts(labels, noise, 4, 1)
+        return FlatParts(labels, noise, 4, 1, rows)
     pixels = np.where((rows >= 0)[:, None], points[rows], np.nan)
     given = None if sigma is None else np.where(rows >= 0, sigma[rows], 0.0)
     of_pixel, noise_of_pixel = _primfit.segment_image(pixels, image.shape[1], given, n_jobs)
     labels, noise = np.full(len(points), -1), np.zeros(len(points))
-    labels[rows[rows >= 0]] = of_pixel[rows >= 0]
-    noise[rows[rows >= 0]] = noise_of_pixel[rows >= 0]
-    return FlatParts(labels, noise, 4, 1)
+    order = rows[rows >= 0]
+    labels[order] = of_pixel[rows >= 0]
+    noise[order] = noise_of_pixel[rows >= 0]
+    return FlatParts(labels, noise, 4, 1, order)

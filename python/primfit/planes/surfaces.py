@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from primfit import _primfit
-from primfit._check import Floats, Ints
+from primfit._check import Bools, Floats, Ints
 
 _FEWEST = 10
 """Points below which there is no plane to be told from chance."""
@@ -27,16 +27,24 @@ class FlatParts:
         Nearest points that a point touches.
     stride : int
         One point in so many was enough to find the parts; the others were assigned to them.
+    order : (n,) int64
+        Rows by their coordinates or pixels: sums in this order do not depend on the order of rows.
     """
 
     labels: Ints
     sigma: Floats
     n_neighbors: int
     stride: int
+    order: Ints
 
     def select(self, rows: Ints) -> FlatParts:
         """The parts of some of the points."""
-        return replace(self, labels=self.labels[rows], sigma=self.sigma[rows])
+        place = np.full(len(self.labels), -1)
+        place[rows] = np.arange(len(rows))
+        order = place[self.order]
+        return replace(
+            self, labels=self.labels[rows], sigma=self.sigma[rows], order=order[order >= 0]
+        )
 
 
 def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None = None) -> FlatParts:
@@ -57,19 +65,22 @@ def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None =
     n_jobs : int or None
         Threads; the result does not depend on them.
     """
-    first = _first_copies(points)
-    if first is None:
-        return _flat_parts(points, sigma, n_jobs)
-    distinct, copy_of = np.unique(first, return_inverse=True)
+    order, is_new = _by_place(points)
+    distinct = order[is_new]
     given = None if sigma is None else sigma[distinct]
     parts = _flat_parts(points[distinct], given, n_jobs)
-    return FlatParts(parts.labels[copy_of], parts.sigma[copy_of], parts.n_neighbors, parts.stride)
+    copy_of = np.empty(len(points), dtype=np.int64)
+    copy_of[order] = np.cumsum(is_new) - 1
+    return FlatParts(
+        parts.labels[copy_of], parts.sigma[copy_of], parts.n_neighbors, parts.stride, order
+    )
 
 
 def _flat_parts(points: Floats, sigma: Floats | None, n_jobs: int | None) -> FlatParts:
-    """The same for points without copies."""
+    """The same for points without copies, sorted by their coordinates."""
+    rows = np.arange(len(points))
     if len(points) < _FEWEST:
-        return FlatParts(np.full(len(points), -1), np.zeros(len(points)), 0, 1)
+        return FlatParts(np.full(len(points), -1), np.zeros(len(points)), 0, 1, rows)
     # A point far away would draw their mean along.
     middle = np.array([np.median(column) for column in points.T])
     tree = _primfit.PointTree(points - middle, n_jobs)
@@ -78,27 +89,20 @@ def _flat_parts(points: Floats, sigma: Floats | None, n_jobs: int | None) -> Fla
     order = tree.order()
     labels, noise = np.empty_like(sorted_labels), np.empty_like(sorted_noise)
     labels[order], noise[order] = sorted_labels, sorted_noise
-    return FlatParts(labels, noise, n_neighbors, stride)
+    return FlatParts(labels, noise, n_neighbors, stride, rows)
 
 
-def _first_copies(points: Floats) -> Ints | None:
-    """The lowest row with the coordinates of each point; None when no two points are the same."""
+def _by_place(points: Floats) -> tuple[Ints, Bools]:
+    """Rows sorted by x, y and z, and which of them are not copies of the one before."""
     x = np.ascontiguousarray(points[:, 0])
-    rising = np.sort(x)
-    if (rising[1:] != rising[:-1]).all():
-        return None
-    order = np.argsort(x)
+    order = np.argsort(x, kind="stable")
     rising = x[order]
-    shares_next = rising[1:] == rising[:-1]
-    shares = np.append(shares_next, False) | np.append(False, shares_next)
-    rows = order[shares]
-    # Sorting is stable: the first of a run of copies has the lowest row.
-    rows.sort()
-    rows = rows[np.lexsort(points[rows].T)]
-    is_new = np.ones(len(rows), dtype=bool)
-    is_new[1:] = (np.diff(points[rows], axis=0) != 0.0).any(axis=1)
-    if is_new.all():
-        return None
-    first = np.arange(len(points))
-    first[rows] = rows[is_new][np.cumsum(is_new) - 1]
-    return first
+    is_new = np.ones(len(points), dtype=bool)
+    shares = rising[1:] == rising[:-1]
+    if shares.any():
+        # Only rows that share their x are compared further.
+        some = np.append(shares, False) | np.append(False, shares)
+        rows = order[some]
+        order[some] = rows[np.lexsort(points[rows].T[::-1])]
+        is_new[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
+    return order, is_new

@@ -3,11 +3,11 @@
 mod acceptance;
 mod continuation;
 pub(crate) mod curvature;
-mod gaps;
 mod graph;
 mod growth;
 mod merging;
 mod noise;
+mod pieces;
 mod regions;
 mod roughness;
 mod rows;
@@ -16,12 +16,13 @@ mod splitting;
 use crate::neighbors::PointTree;
 use crate::neighbors::normals::{LocalPlane, THICKEST};
 use crate::{Error, Vector, Workers};
-use acceptance::accept;
+use acceptance::{accept, accept_parts};
 use continuation::without_patches;
 use graph::Graph;
 use growth::{FEWEST, NOBODY, Seed, grow};
 use merging::merge;
-use noise::{common_noise, spread_noise};
+use noise::{common_noise, spread_noise, without_steps};
+use pieces::pieces;
 use regions::compete;
 use roughness::Surfaces;
 use splitting::split;
@@ -34,15 +35,14 @@ const NEAREST: (usize, usize) = (10, 64);
 /// Neighbours that are looked at for those that bridge gaps, fewer in clouds that are large.
 const LOOKED_AT: (usize, usize) = (32, 96);
 const LARGE: usize = 500_000;
-/// Flatness from which all seeds are alike; a few bits of it must not order them either.
-const FLATTEST: f64 = 1024.0;
-/// Classes of flatness within each doubling.
-const STEPS: f64 = 4.0;
 /// Rounds of competition, splitting and merging, which end once no plane gains or loses more than
 /// one in so many of its points, and sweeps of competition that begin them.
 const ROUNDS: usize = 4;
 const SETTLED: usize = 100;
 const SWEEPS: usize = 2;
+/// Times that patches of curved surfaces are looked for: those around which others were found have
+/// no planes beside them any more.
+const PASSES: usize = 2;
 
 /// Bytes of a point that the search takes at most, where each touches as many others as it may.
 const BYTES: usize = 640;
@@ -109,9 +109,11 @@ fn segment_evenly(
     let (noise, surfaces): (Vec<f32>, _) = if let Some(sigma) = sigma {
         (sigma.iter().map(|&sigma| sigma as f32).collect(), Surfaces::Smooth)
     } else {
+        let is_stepped = without_steps(&mut local);
         let noise = spread_noise(&graph, &local, step, points.len(), workers)?;
         tree.thin_planes(&mut local, &noise, step, workers)?;
-        let surfaces = Surfaces::of(tree, &local, step, workers)?;
+        let surfaces =
+            if is_stepped { Surfaces::Rough } else { Surfaces::of(tree, &local, step, workers)? };
         let common = common_noise(&local).filter(|_| surfaces == Surfaces::Smooth);
         (common.map_or(noise, |sigma| vec![sigma as f32; points.len()]), surfaces)
     };
@@ -126,10 +128,8 @@ fn segment_evenly(
     let mut before = sizes(&labels);
     for _ in 0..ROUNDS {
         labels = swept(labels)?;
-        if surfaces == Surfaces::Smooth {
-            labels = split(points, &fitted(&labels), &labels, workers);
-            labels = compete(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;
-        }
+        labels = split(points, &fitted(&labels), &labels, workers);
+        labels = compete(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;
         labels = merge(&graph, &fitted(&labels), &labels, surfaces);
         let after = sizes(&labels);
         if have_settled(&before, &after) {
@@ -139,8 +139,11 @@ fn segment_evenly(
     }
     labels = swept(accept(tree, &graph, &noise, &labels, surfaces, workers)?)?;
     labels = merge(&graph, &fitted(&labels), &labels, surfaces);
-    labels = accept(tree, &graph, &noise, &labels, surfaces, workers)?;
-    labels = without_patches(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;
+    labels = pieces(points, &graph, &labels);
+    labels = accept_parts(tree, &graph, &noise, &labels, surfaces, workers)?;
+    for _ in 0..PASSES {
+        labels = without_patches(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;
+    }
     let known =
         |i: usize| if noise[i].is_nan() { local[i / step].sigma } else { f64::from(noise[i]) };
     let sigma = (0..points.len()).map(known).collect();
@@ -171,23 +174,22 @@ fn median_size(local: &[LocalPlane]) -> usize {
     *sizes.select_nth_unstable(middle).1 as usize
 }
 
-/// Points from which planes may grow, the flattest first; those alike in the order of the cloud.
+/// Points from which planes may grow, the flattest first; those alike in the order of the points,
+/// which are sorted by their coordinates.
 fn seeds(tree: &PointTree, local: &[LocalPlane], step: usize, noise: &[f32]) -> Vec<Seed> {
-    let mut seeds: Vec<(i64, u32, Seed)> = local
+    let mut seeds: Vec<(f64, Seed)> = local
         .iter()
         .zip((0..).step_by(step))
         .filter(|(plane, place)| {
             plane.is_flat || plane.sigma <= THICKEST * f64::from(noise[*place])
         })
-        .map(|(plane, place)| {
-            let flatness = plane.flatness.clamp(1.0 / FLATTEST, FLATTEST);
-            let class = (STEPS * flatness.log2()).floor() as i64;
-            let seed = Seed { place: place as u32, size: plane.size };
-            (-class, tree.rows()[place], seed)
-        })
+        .map(|(plane, place)| (plane.flatness, Seed { place: place as u32, size: plane.size }))
         .collect();
-    seeds.sort_unstable_by_key(|(class, row, _)| (*class, *row));
-    seeds.into_iter().map(|(.., seed)| seed).collect()
+    let at = |seed: &Seed| tree.rows()[seed.place as usize];
+    seeds.sort_unstable_by(|(a, first), (b, second)| {
+        b.total_cmp(a).then_with(|| at(first).cmp(&at(second)))
+    });
+    seeds.into_iter().map(|(_, seed)| seed).collect()
 }
 
 #[cfg(test)]

@@ -30,6 +30,16 @@ pub const THICKEST: f64 = 3.0;
 /// Least standard deviation, as a fraction of the neighbourhood's radius: what rounding leaves.
 pub const FLOOR: f64 = 1e-7;
 
+/// Points that tell whether a neighbourhood is in two sheets, and their bimodality (Sarle's
+/// coefficient: 0.33 for a normal distribution, 0.56 for an even one, 1 for two values) from which
+/// it is: sheets 5 sigma apart have 0.65, 10 sigma apart 0.87.
+const TELLS_LAYERS: usize = 48;
+const TWO: f64 = 0.65;
+/// How much thinner a sheet is than what it is part of: with two of them 5 sigma apart, 2.7 times.
+const THINNER: f64 = 2.0;
+/// Steps of the two means that part the sheets.
+const CUTS: usize = 3;
+
 /// Bytes that a plane and a normal take with what they are turned into.
 const PLANE_BYTES: usize = 120;
 const NORMAL_BYTES: usize = 56;
@@ -178,7 +188,18 @@ impl PointTree {
                 .filter(|&&place| spread.distance(&self.points()[place as usize]).abs() <= near)
                 .count();
             let is_supported = support as f64 >= SUPPORT * wider.len() as f64;
-            let is_flat = flatness > least && middle > LINE * long && is_supported;
+            let mut is_flat = flatness > least && middle > LINE * long && is_supported;
+            if is_flat && sigma.is_none() && found.len() >= TELLS_LAYERS {
+                let wide = &found[..size.max(TELLS_LAYERS)];
+                match self.layer(wide, point) {
+                    Layer::Own(layer) if THINNER * layer.sigma < variance.sqrt() => {
+                        best = layer;
+                        break;
+                    }
+                    Layer::Unclear => is_flat = size < TELLS_LAYERS,
+                    _ => (),
+                }
+            }
             // Whatever holds together beats what only one row of the scan lies on.
             let rank = (is_supported, flatness / least);
             if is_flat || rank > best_rank {
@@ -199,10 +220,72 @@ impl PointTree {
     }
 }
 
+/// What a flat neighbourhood is made of.
+enum Layer {
+    /// One sheet of points.
+    Only,
+    /// Two, and the point is in a flat one.
+    Own(LocalPlane),
+    /// Two, or what is left of them.
+    Unclear,
+}
+
+impl PointTree {
+    /// Whether the points across a plane lie in two sheets, and the one in which the point is.
+    fn layer(&self, found: &[u32], point: &Vector) -> Layer {
+        let mut sums = Sums::new(*point);
+        for &place in found {
+            sums.add(&self.points()[place as usize]);
+        }
+        let spread = sums.moments().spread();
+        let heights: Vec<f64> =
+            found.iter().map(|&place| spread.distance(&self.points()[place as usize])).collect();
+        let n = heights.len() as f64;
+        let moment = |k: i32| heights.iter().map(|h| h.powi(k)).sum::<f64>() / n;
+        let [second, third, fourth] = [2, 3, 4].map(moment);
+        if second <= 0.0 || third * third / second.powi(3) + 1.0 <= TWO * fourth / second.powi(2) {
+            return Layer::Only;
+        }
+        let mut cut = 0.0;
+        for _ in 0..CUTS {
+            let mean = |above: bool| {
+                let own = || heights.iter().filter(|&&h| (h > cut) == above);
+                own().sum::<f64>() / (own().count() as f64).max(1.0)
+            };
+            cut = f64::midpoint(mean(true), mean(false));
+        }
+        let side = spread.distance(point) > cut;
+        let mut sums = Sums::new(*point);
+        let own = found.iter().zip(&heights).filter(|(_, h)| (**h > cut) == side);
+        for (&place, _) in own {
+            sums.add(&self.points()[place as usize]);
+        }
+        let moments = sums.moments();
+        if moments.count < SIZES[0] as f64 {
+            return Layer::Unclear;
+        }
+        let own = moments.spread();
+        let [thin, middle, long] = own.variances;
+        let m = moments.count;
+        let thin = (thin * m / (m - 3.0)).max(FLOOR * FLOOR * long).max(f64::MIN_POSITIVE);
+        if middle <= thin * FLAT.max(FLAT_BY_CHANCE / m) || middle <= LINE * long {
+            return Layer::Unclear;
+        }
+        Layer::Own(LocalPlane {
+            normal: own.normal,
+            sigma: thin.sqrt(),
+            flatness: middle / thin,
+            size: found.len() as u32,
+            is_flat: true,
+        })
+    }
+}
+
 /// The plane of some of the points, hard-cut at `reach` and fitted again, and which are within.
 pub fn cut_plane(
     points: &[Vector],
     window: &[Neighbor],
+    start: Option<Spread>,
     reach: f64,
     n_times: usize,
     within: &mut Vec<u32>,
@@ -217,7 +300,7 @@ pub fn cut_plane(
     };
     within.clear();
     within.extend(window.iter().map(|n| n.place));
-    let mut spread = of(within);
+    let mut spread = start.unwrap_or_else(|| of(within));
     for _ in 0..n_times {
         within.clear();
         within.extend(
@@ -232,4 +315,37 @@ pub fn cut_plane(
         spread = of(within);
     }
     spread
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    /// Noise that is found around the points of two sheets of 10 m2 so far apart, with 10 mm.
+    fn noise(apart: f64) -> f64 {
+        let points: Vec<Vector> = (0..8000_u32)
+            .map(|i| {
+                let (u, v) = (f64::from(i) * 0.618_034 % 1.0, f64::from(i) * 0.754_878 % 1.0);
+                // As even noise, of this standard deviation.
+                let off = 0.01 * 12.0_f64.sqrt() * ((1e4 * f64::from(i).sin()).fract().abs() - 0.5);
+                [4.0 * u, 2.5 * v, off + apart * f64::from(i / 2 % 2)]
+            })
+            .collect();
+        let workers = Workers::new(Some(1), &(|| true)).unwrap();
+        let planes = PointTree::new(&points).local_planes(None, 1, &workers).unwrap();
+        let mut sigmas: Vec<f64> =
+            planes.iter().filter(|plane| plane.is_flat).map(|plane| plane.sigma).collect();
+        let middle = sigmas.len() / 2;
+        *sigmas.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+
+    #[test]
+    fn two_sheets_have_the_noise_of_each() {
+        for apart in [0.0, 0.1, 0.2] {
+            let found = noise(apart);
+            assert!((found / 0.01 - 1.0).abs() < 0.15, "{apart}: {found}");
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Which regions are planes, and which are points that happen to lie near one.
 
-use super::curvature::Bend;
+use super::curvature::{Bend, Heights};
 use super::graph::Graph;
 use super::growth::{FEWEST, NOBODY};
 use super::regions::{self, Members};
@@ -12,8 +12,21 @@ use crate::{Error, Vector, Workers};
 
 /// Least share of the labelled neighbours among the neighbours with this label or none.
 const PURITY: f64 = 0.5;
-/// Least logarithm of the likelihood ratio of a plane to scattered points.
-const EVIDENCE: f64 = 5.0;
+/// Least logarithm of the likelihood ratio of a plane to scattered points: planes of 25 roofs have
+/// 28 and more, clutter mostly less.
+const EVIDENCE: f64 = 14.0;
+/// Points of a plane that tells how thick planes of the cloud are, and its second smallest over
+/// its smallest variance.
+const TELLING: f64 = 24.0;
+const CLEAR: f64 = 36.0;
+/// Least standard deviation of the logarithm of the thickness of planes of one cloud: noise depends
+/// on range, incidence and surface; planes of the shared clouds have 0.65 to 1.53 times the usual.
+const ALIKE: f64 = 0.2;
+/// Share of their deviation that thin planes count with: where beams graze, noise along them is
+/// less across.
+const GRAZED: f64 = 0.5;
+/// How much thicker than the noise around its points a plane is that must be clearly flat.
+const SLAB: f64 = 1.5;
 /// Standard deviation of a plane on rough surfaces, as a share of its points' noise, below which it
 /// is no plane but one row of the scan, whose beams spread in a plane of their own.
 const THINNEST: f64 = 1.0 / 3.0;
@@ -22,6 +35,8 @@ const SAMPLES: usize = 16;
 /// How much denser the points must lie on the plane than on its denser side: 8 times in a Gaussian
 /// layer, as dense in a filled volume, even at its faces.
 const PEAK: f64 = 1.5;
+/// The same without the points of other planes: clutter on either side is scattered.
+const ALONE: f64 = 3.0;
 const SIDE: (f64, f64) = (1.5, 3.0);
 /// Largest share of a plane's own points among those around it, since more is not known.
 const MOST_SHARE: f64 = 0.99;
@@ -31,6 +46,13 @@ const LEAST_DENSITY: f64 = 0.01;
 /// of a plane is.
 const FAR: f64 = 10.0;
 const CLOSE: f64 = 4.0;
+/// Share of the squares that bending must explain where errors of neighbours are alike: there it
+/// always explains something (0.24 on a true board before a sensor of 16 layers), and by any number
+/// of standard errors.
+const EXPLAINED: f64 = 0.25;
+/// Variance of means over neighbourhoods, in that of as many independent points, below which noise
+/// is white.
+const WHITE: f64 = 2.0;
 /// Least share of the points of a plane that bends only with those of others.
 const MOSTLY: f64 = 0.75;
 /// How much less its own points turn.
@@ -51,17 +73,33 @@ pub fn accept(
     surfaces: Surfaces,
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
-    let labels = regions::components(graph, labels);
-    let planes: Vec<(Spread, f64)> = regions::fit(tree.points(), noise, &labels, workers)
+    accept_parts(tree, graph, noise, &regions::components(graph, labels), surfaces, workers)
+}
+
+/// The same for parts that are not looked at for being connected.
+///
+/// # Errors
+/// [`Error::Stopped`] when the caller does not want to go on.
+pub fn accept_parts(
+    tree: &PointTree,
+    graph: &Graph,
+    noise: &[f32],
+    labels: &[i32],
+    surfaces: Surfaces,
+    workers: &Workers,
+) -> Result<Vec<i32>, Error> {
+    let regions = regions::fit(tree.points(), noise, labels, workers);
+    let planes: Vec<(Spread, f64)> = regions
         .iter()
         .map(|region| {
             let spread = region.spread();
             (spread, region.sigma(&spread, surfaces))
         })
         .collect();
-    let members = Members::of(&labels);
+    let members = Members::of(labels);
+    let usual = Usual::of(&planes, &members);
     let thinnest = if surfaces == Surfaces::Rough { THINNEST } else { 0.0 };
-    let test = Test { tree, graph, labels: &labels, planes: &planes, thinnest };
+    let test = Test { tree, graph, labels, regions: &regions, planes: &planes, thinnest, usual };
     let mut accepted = vec![false; planes.len()];
     workers.fill(&mut accepted, 1, Search::default, |search, k, accepted| {
         accepted[0] = test.passes(k, members.get(k), search);
@@ -81,9 +119,11 @@ struct Test<'a> {
     tree: &'a PointTree,
     graph: &'a Graph,
     labels: &'a [i32],
+    regions: &'a [regions::Region],
     /// Plane and standard deviation of each label.
     planes: &'a [(Spread, f64)],
     thinnest: f64,
+    usual: Usual,
 }
 
 impl Test<'_> {
@@ -91,7 +131,12 @@ impl Test<'_> {
         let (spread, sigma) = &self.planes[number];
         let [thin, middle, long] = spread.variances;
         let flatness = middle / thin.max(FLOOR * FLOOR * long);
+        // What is no wider than the noise of most planes is not told from a row of the scan.
+        let flatness = flatness.min(middle / self.usual.sigma().powi(2));
         let least = (FLAT_BY_CHANCE / places.len() as f64).clamp(FLAT.0, FLAT.1);
+        // What is thicker than the noise around its points has to be a plane at first sight.
+        let is_slab = thin.sqrt() > SLAB * self.regions[number].local_sigma;
+        let least = if is_slab { CLEAR } else { least };
         if places.len() < FEWEST || flatness <= least || thin.sqrt() < self.thinnest * sigma {
             return false;
         }
@@ -119,6 +164,9 @@ impl Test<'_> {
         let (spread, sigma) = &self.planes[number];
         let all = places.iter().map(|&place| &points[place as usize]);
         let Some(bend) = Bend::of(all, spread).filter(Bend::is_clear) else { return false };
+        if bend.share <= EXPLAINED && !self.is_white(number, places) {
+            return false;
+        }
         let own = places.iter().filter(|&&place| {
             normal(spread.distance(&points[place as usize]), *sigma)
                 >= self.density_of_others(number, place as usize)
@@ -129,6 +177,31 @@ impl Test<'_> {
         }
         let spread = Moments::of(own.iter().copied(), own[0]).spread();
         Bend::of(own.into_iter(), &spread).is_none_or(|own| own.turn > STRAIGHTER * bend.turn)
+    }
+
+    /// Whether distances from the paraboloid of a region's points are those of white noise: means
+    /// over neighbourhoods vary no more than their number of points makes them.
+    fn is_white(&self, number: usize, places: &[u32]) -> bool {
+        let points = self.tree.points();
+        let mut heights = Heights::over(&self.planes[number].0);
+        for &place in places {
+            heights.add(&points[place as usize]);
+        }
+        let Some(surface) = heights.paraboloid() else { return false };
+        let off = |place: u32| heights.above(&surface, &points[place as usize]);
+        let (mut of_means, mut of_points) = (0.0, 0.0);
+        for &place in places {
+            let (mut sum, mut count) = (off(place), 1.0);
+            for &other in self.graph.of(place as usize) {
+                if self.labels[other as usize] == number as i32 {
+                    sum += off(other);
+                    count += 1.0;
+                }
+            }
+            of_means += sum * sum / count;
+            of_points += off(place).powi(2);
+        }
+        of_means < WHITE * of_points
     }
 
     /// Logarithm of the likelihood ratio of points spread normally about the plane to points that
@@ -142,6 +215,7 @@ impl Test<'_> {
         let mut densities = Vec::new();
         let mut n_own = 0.0;
         let mut profile = Profile::default();
+        let mut alone = Profile::default();
         for sample in 0..n_samples {
             let place = places[sample * places.len() / n_samples] as usize;
             let spacing = self.graph.reach(place, points);
@@ -154,6 +228,9 @@ impl Test<'_> {
                     profile.add(off / sigma);
                 }
                 let label = self.labels[place as usize];
+                if squared <= close * close && (label == number as i32 || label == NOBODY) {
+                    alone.add(off / sigma);
+                }
                 let mut others = 0.75 * (1.0 - (off / radius).powi(2)).max(LEAST_DENSITY) / radius;
                 if label == number as i32 {
                     n_own += 1.0;
@@ -164,12 +241,14 @@ impl Test<'_> {
                 densities.push(normal(off, *sigma) / others);
             }
         }
-        if !profile.has_peak() {
+        if !profile.has_peak(PEAK) || !alone.has_peak(ALONE) {
             return f64::NEG_INFINITY;
         }
         let share = (n_own / densities.len() as f64).min(MOST_SHARE);
         let ratio: f64 = densities.iter().map(|ratio| (share * ratio + 1.0 - share).ln()).sum();
-        ratio / n_own * places.len() as f64 - (12.0 * points.len() as f64).ln()
+        ratio / n_own * places.len() as f64
+            - (12.0 * points.len() as f64).ln()
+            - self.usual.penalty(*sigma)
     }
 
     /// Greatest density of a point by other planes that it touches.
@@ -187,6 +266,63 @@ impl Test<'_> {
         }
         greatest
     }
+}
+
+/// Thickness of the planes of a cloud: one sensor saw them all.
+#[derive(Debug, Clone, Copy)]
+struct Usual {
+    /// Mean and standard deviation of the logarithm; None when too few tell.
+    log: Option<(f64, f64)>,
+}
+
+impl Usual {
+    /// Of the planes that are clearly flat, by their points: robust, since clutter is among them.
+    fn of(planes: &[(Spread, f64)], members: &Members) -> Self {
+        let mut telling: Vec<(f64, f64)> = planes
+            .iter()
+            .enumerate()
+            .map(|(k, plane)| (plane, members.get(k).len() as f64))
+            .filter(|((spread, sigma), count)| {
+                *count >= TELLING && spread.variances[1] > CLEAR * sigma * sigma
+            })
+            .map(|((_, sigma), count)| (sigma.ln(), count))
+            .collect();
+        if telling.is_empty() {
+            return Self { log: None };
+        }
+        let middle = weighted_median(&mut telling);
+        let mut off: Vec<(f64, f64)> =
+            telling.iter().map(|(log, weight)| ((log - middle).abs(), *weight)).collect();
+        Self { log: Some((middle, (1.4826 * weighted_median(&mut off)).max(ALIKE))) }
+    }
+
+    /// Standard deviation of most planes; 0 when it is not known.
+    fn sigma(&self) -> f64 {
+        self.log.map_or(0.0, |(middle, _)| middle.exp())
+    }
+
+    /// Minus the logarithm of how probable a plane so thick is beside the others.
+    fn penalty(&self, sigma: f64) -> f64 {
+        self.log.map_or(0.0, |(middle, spread)| {
+            let off = (sigma.ln() - middle) / spread;
+            let off = if off < 0.0 { GRAZED * off } else { off };
+            off * off / 2.0
+        })
+    }
+}
+
+/// Median of values with weights.
+fn weighted_median(rows: &mut [(f64, f64)]) -> f64 {
+    rows.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let half = rows.iter().map(|row| row.1).sum::<f64>() / 2.0;
+    let mut sum = 0.0;
+    for &(value, weight) in rows.iter() {
+        sum += weight;
+        if sum >= half {
+            return value;
+        }
+    }
+    0.0
 }
 
 /// Density of a normal distribution.
@@ -211,7 +347,7 @@ impl Profile {
         }
     }
 
-    fn has_peak(&self) -> bool {
-        self.core / 2.0 > PEAK * self.sides[0].max(self.sides[1]) / (SIDE.1 - SIDE.0)
+    fn has_peak(&self, times: f64) -> bool {
+        self.core / 2.0 > times * self.sides[0].max(self.sides[1]) / (SIDE.1 - SIDE.0)
     }
 }

@@ -3,17 +3,19 @@
 use super::curvature::{Bend, Heights};
 use super::graph::Graph;
 use super::growth::NOBODY;
-use super::regions::{Members, Region};
+use super::regions::{Members, REACH, Region};
 use super::roughness::Surfaces;
+use crate::spread::Spread;
 use crate::{Error, Vector, Workers};
 use std::collections::HashSet;
 
 /// Standard deviations from a curved surface within which its points lie.
 const ON: f64 = 3.0;
-/// Points of no plane, for each of its own, over which a patch goes on.
-const MORE: f64 = 1.0;
+/// Growth of the number of points after which the surface is judged again, and most growth.
+const GROWTH: f64 = 2.0;
+const MOST: f64 = 8.0;
 /// Steps from point to point beyond the border.
-const STEPS: usize = 16;
+const STEPS: usize = 32;
 
 /// The labels of planes without those that are patches of curved surfaces, in the same order.
 ///
@@ -28,14 +30,16 @@ pub fn without_patches(
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
     let members = Members::of(labels);
+    let planes: Vec<Spread> = regions.iter().map(Region::spread).collect();
     let mut is_patch = vec![false; regions.len()];
     workers.fill(
         &mut is_patch,
         1,
         || (),
         |(), k, is_patch| {
-            let bend = continued(points, graph, labels, members.get(k), &regions[k], surfaces);
-            is_patch[0] = bend.is_some_and(|bend| bend.is_clear());
+            let sigma = regions[k].sigma(&planes[k], surfaces);
+            let bend = continued(points, graph, labels, members.get(k), &planes, sigma);
+            is_patch[0] = bend.is_some();
         },
     )?;
     let mut n = 0;
@@ -47,48 +51,86 @@ pub fn without_patches(
     Ok(labels.iter().map(|&k| if k == NOBODY { k } else { numbers[k as usize] }).collect())
 }
 
-/// How much the surface bends of which a region is a patch.
+/// How much the surface bends of which a region is a patch; None when it is none.
 ///
-/// The paraboloid of its points takes what touches it, belongs to nothing and lies on it, step by
-/// step. None when that is less than the region itself: beyond the border of a plane is nothing,
-/// another plane, or an edge.
+/// The paraboloid of its points takes what touches it and lies on it, step by step, of no plane or
+/// of others. Beyond the border of a plane is nothing, an edge, or another plane; a patch has a
+/// surface around it that the paraboloid explains at least as well as all those planes do, with
+/// fewer parameters.
 fn continued(
     points: &[Vector],
     graph: &Graph,
     labels: &[i32],
     places: &[u32],
-    region: &Region,
-    surfaces: Surfaces,
+    planes: &[Spread],
+    sigma: f64,
 ) -> Option<Bend> {
-    let spread = region.spread();
-    let reach = ON * region.sigma(&spread, surfaces);
-    let mut heights = Heights::over(&spread);
+    let own = labels[places[0] as usize];
+    let mut heights = Heights::over(&planes[own as usize]);
     for &place in places {
         heights.add(&points[place as usize]);
     }
-    let enough = (1.0 + MORE) * heights.count();
+    let n_own = heights.count();
+    let mut enough = GROWTH * n_own;
     let mut seen = HashSet::new();
-    let mut rim = places.to_vec();
+    let mut all = places.to_vec();
+    let mut rim = 0..all.len();
     for _ in 0..STEPS {
         let surface = heights.paraboloid()?;
-        let mut next = Vec::new();
-        for &other in rim.iter().flat_map(|&place| graph.of(place as usize)) {
-            if labels[other as usize] == NOBODY
-                && heights.above(&surface, &points[other as usize]).abs() <= reach
-                && seen.insert(other)
-            {
-                next.push(other);
+        for at in rim.clone() {
+            for &other in graph.of(all[at] as usize) {
+                if labels[other as usize] != own
+                    && heights.above(&surface, &points[other as usize]).abs() <= ON * sigma
+                    && seen.insert(other)
+                {
+                    all.push(other);
+                }
             }
         }
-        for &place in &next {
+        if rim.end == all.len() {
+            return None;
+        }
+        rim = rim.end..all.len();
+        for &place in &all[rim.clone()] {
             heights.add(&points[place as usize]);
         }
         if heights.count() >= enough {
-            return heights.bend();
+            let bend = heights.bend().filter(Bend::is_clear);
+            if bend.is_some_and(|_| is_better(points, labels, &all, planes, sigma, &heights)) {
+                return bend;
+            }
+            enough = GROWTH * heights.count();
+            if enough > MOST * n_own {
+                return None;
+            }
         }
-        rim = next;
     }
     None
+}
+
+/// Whether a paraboloid explains points as well as their planes do, by the Bayesian information
+/// criterion. Points of no plane are those of the first, or farther off than any has.
+fn is_better(
+    points: &[Vector],
+    labels: &[i32],
+    places: &[u32],
+    planes: &[Spread],
+    sigma: f64,
+    heights: &Heights,
+) -> bool {
+    let Some(surface) = heights.paraboloid() else { return false };
+    let first = labels[places[0] as usize];
+    let mut used = HashSet::new();
+    let (mut flat, mut curved) = (0.0, 0.0);
+    for &place in places {
+        let point = &points[place as usize];
+        let label = if labels[place as usize] == NOBODY { first } else { labels[place as usize] };
+        used.insert(label);
+        flat += (planes[label as usize].distance(point) / sigma).powi(2).min(REACH * REACH);
+        curved += (heights.above(&surface, point) / sigma).powi(2);
+    }
+    let price = (places.len() as f64).ln();
+    curved + 6.0 * price < flat + 3.0 * used.len() as f64 * price
 }
 
 #[cfg(test)]

@@ -16,6 +16,8 @@ pub struct Bend {
     pub turn: f64,
     /// Fall of the sum of squares that bending explains, in variances.
     pub evidence: f64,
+    /// Share of the sum of squares that bending explains.
+    pub share: f64,
 }
 
 impl Bend {
@@ -28,7 +30,7 @@ impl Bend {
         heights.bend()
     }
 
-    /// Whether the points lie on a curved surface.
+    /// Whether the points lie on a curved surface, if their noise is white.
     pub fn is_clear(&self) -> bool {
         self.turn > BENT && self.evidence > CURVED
     }
@@ -106,7 +108,8 @@ impl Heights {
             })
             .into_iter()
             .fold(0.0, f64::max);
-        Some(Bend { turn, evidence: explained / variance.max(f64::MIN_POSITIVE) })
+        let share = explained / self.squares.max(f64::MIN_POSITIVE);
+        Some(Bend { turn, evidence: explained / variance.max(f64::MIN_POSITIVE), share })
     }
 
     fn terms(&self, point: &Vector) -> (SVector<f64, 6>, f64) {

@@ -77,7 +77,12 @@ pub fn grow(
         if window.len() < 4 {
             continue;
         }
-        let mut plane = cut_plane(points, window, EXPLAIN * given, CUTS, &mut within);
+        let start = local[seed / step].is_flat.then(|| Spread {
+            mean: points[seed],
+            normal: local[seed / step].normal,
+            variances: [0.0; 3],
+        });
+        let mut plane = cut_plane(points, window, start, EXPLAIN * given, CUTS, &mut within);
         let n_new = within.iter().filter(|place| is_new(place)).count() as f64;
         if plane.distance(&points[seed]).abs() > SEED * given
             || (within.len() as f64) < ON_PLANE * window.len() as f64

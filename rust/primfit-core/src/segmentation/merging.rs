@@ -14,11 +14,6 @@ const MOVE_ROUGH: f64 = 2.56;
 const PLANE: f64 = 4.0;
 /// How much larger than the smaller variance of two planes the common one may be.
 const UNEQUAL: f64 = 4.0;
-/// How much more room than each two parts take together that are apart, and by how much for each
-/// point the shares of labels among neighbours grow where they touch.
-const ROOMIER: f64 = 1.2;
-const TOUCHING: f64 = 0.1;
-
 /// New labels after putting touching regions together, best gain a point first.
 ///
 /// Two are one when the sum of squared distances grows by less than a plane's parameters and the
@@ -94,9 +89,6 @@ impl Pair {
             squares(&planes[2], &both) - squares(&planes[0], first) - squares(&planes[1], second);
         let counts = [first.moments.count, second.moments.count];
         let variance = freedom.variance([(first, &planes[0]), (second, &planes[1])], &planes[2]);
-        if freedom.are_apart(counts, &planes, bonus) {
-            return None;
-        }
         let worth = freedom.worth(counts) + 2.0 * bonus;
         let gain = (worth - rise / variance) / (counts[0] + counts[1]);
         (gain > 0.0).then(|| Self { gain, a, b, versions: (version[a], version[b]) })
@@ -142,18 +134,6 @@ impl Freedom {
             self.law.sigma(sigma, extent(spread), extent(both)).powi(2)
         });
         a.max(b).min(UNEQUAL * a.min(b))
-    }
-
-    /// Whether two parts of so many points, whose spreads and common one are given, are pieces with
-    /// a gap between them: together they take much more room than each, and hardly touch.
-    fn are_apart(&self, counts: [f64; 2], planes: &[Spread; 3], bonus: f64) -> bool {
-        let [a, b, both] = planes.each_ref().map(|spread| {
-            let [_, middle, long] = spread.variances;
-            (middle * long).sqrt()
-        });
-        self.surfaces == Surfaces::Smooth
-            && both > ROOMIER * (a + b)
-            && bonus < TOUCHING * counts[0].min(counts[1])
     }
 
     /// How much the sum of squares may rise, in variances, when two parts of so many points become
@@ -212,15 +192,15 @@ mod tests {
     use crate::segmentation::regions;
     use crate::{Vector, Workers};
 
-    /// How many planes are left of two squares of one plane, of 30 cm, so far from each other.
-    fn left(apart: f64) -> usize {
+    #[test]
+    fn halves_are_one_plane() {
         let square = |k: u32, at: f64| {
             (0..k).map(move |i| {
                 let (u, v) = (f64::from(i) * 0.618_034 % 1.0, f64::from(i) * 0.754_878 % 1.0);
                 [at + 0.3 * u, 0.3 * v, 0.004 * f64::from(i).powi(2).sin()]
             })
         };
-        let points: Vec<Vector> = square(300, 0.0).chain(square(300, 0.3 + apart)).collect();
+        let points: Vec<Vector> = square(300, 0.0).chain(square(300, 0.3)).collect();
         let workers = Workers::new(Some(1), &(|| true)).unwrap();
         let tree = PointTree::new(&points);
         let graph = Graph::new(&tree, 24, 96, &workers).unwrap();
@@ -228,18 +208,7 @@ mod tests {
         let noise = vec![0.003; points.len()];
         let regions = regions::fit(tree.points(), &noise, &labels, &workers);
         let mut merged = merge(&graph, &regions, &labels, Surfaces::Smooth);
-        merged.sort_unstable();
         merged.dedup();
-        merged.len()
-    }
-
-    #[test]
-    fn halves_are_one_plane() {
-        assert_eq!(left(0.0), 1);
-    }
-
-    #[test]
-    fn pieces_with_a_gap_between_them_stay_two() {
-        assert_eq!(left(0.1), 2);
+        assert_eq!(merged.len(), 1);
     }
 }

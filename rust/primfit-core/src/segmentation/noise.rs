@@ -6,6 +6,11 @@ use crate::{Error, Workers};
 
 /// Flat neighbourhoods that tell whether all points have one noise.
 const FEWEST: usize = 64;
+/// Flatness of what is a plane but for rounding.
+const EXACT: f64 = 1e8;
+/// Shares of flat neighbourhoods that are such planes where values come in steps: by chance none
+/// are, and more than half are where there is no noise at all.
+const STEPPED: (f64, f64) = (0.005, 0.5);
 /// Parameters of a plane.
 const PARAMETERS: f64 = 3.0;
 /// Standard deviations of the logarithm of the noise, exceeded by one neighbourhood in ten, from
@@ -60,6 +65,21 @@ pub fn spread_noise(
         noise[i] = plane.sigma as f32;
     }
     Ok(noise)
+}
+
+/// Whether values come in steps, as ranges and depths of some sensors do; then neighbourhoods
+/// within one step, which are planes but for rounding, no longer pass as flat: they tell nothing.
+pub fn without_steps(local: &mut [LocalPlane]) -> bool {
+    let n_flat = local.iter().filter(|plane| plane.is_flat).count() as f64;
+    let is_exact = |plane: &LocalPlane| plane.is_flat && plane.flatness > EXACT;
+    let share = local.iter().filter(|plane| is_exact(plane)).count() as f64 / n_flat;
+    let is_stepped = share > STEPPED.0 && share < STEPPED.1;
+    if is_stepped {
+        for plane in local.iter_mut().filter(|plane| is_exact(plane)) {
+            plane.is_flat = false;
+        }
+    }
+    is_stepped
 }
 
 /// The noise of all points where flat neighbourhoods do not tell that it differs; None where they

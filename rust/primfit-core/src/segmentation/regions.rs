@@ -11,7 +11,7 @@ use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 /// Least share of a point's neighbours that a label counts with.
 pub const SHARE: f64 = 0.02;
 /// Standard deviations beyond which a plane does not take a point.
-const REACH: f64 = 4.0;
+pub const REACH: f64 = 4.0;
 
 /// How much farther from a smooth plane than their noise its points may be: the estimate of the
 /// noise is not perfect, but with more than that a plane would swallow what is beside it.
@@ -230,10 +230,22 @@ impl Shares {
 
 /// The labels with each connected part its own, numbered by their first points.
 pub fn components(graph: &Graph, labels: &[i32]) -> Vec<i32> {
+    components_by(graph, labels, |_, _| true)
+}
+
+/// The same along edges that join.
+pub fn components_by(
+    graph: &Graph,
+    labels: &[i32],
+    is_joined: impl Fn(usize, usize) -> bool,
+) -> Vec<i32> {
     let mut parent: Vec<u32> = (0..labels.len() as u32).collect();
     for (i, &label) in labels.iter().enumerate().filter(|(_, label)| **label != NOBODY) {
         for &other in graph.of(i) {
-            if labels[other as usize] == label && parent[i] != parent[other as usize] {
+            if labels[other as usize] == label
+                && is_joined(i, other as usize)
+                && parent[i] != parent[other as usize]
+            {
                 let (a, b) = (root(&mut parent, i as u32), root(&mut parent, other));
                 parent[a.max(b) as usize] = a.min(b);
             }

@@ -4,7 +4,7 @@
 use super::regions::Region;
 use crate::neighbors::normals::{LocalPlane, MOST as MOST_POINTS};
 use crate::neighbors::{Neighbor, PointTree, Search};
-use crate::spread::{Spread, Sums};
+use crate::spread::{Moments, Spread, Sums, axes_across, dot};
 use crate::{Error, Vector, Workers};
 
 /// Flat neighbourhoods that are asked.
@@ -15,6 +15,11 @@ const WIDER: usize = 16;
 const QUARTILE: usize = 4;
 /// Power of the extent from which surfaces are rough; chance and faint curves stay below.
 const ROUGH: f64 = 0.1;
+/// How much wider than the flat one half of the wider neighbourhood must be to tell.
+const NARROWER: f64 = 1.5;
+/// Directions of the cuts into two, and parts into which each may cut.
+const DIRECTIONS: u32 = 6;
+const PARTS: usize = 4;
 /// Fits of a plane, each to the points within three median distances of the one before.
 const FITS: usize = 3;
 /// Points of a region that tells of its roughness.
@@ -65,6 +70,13 @@ impl Surfaces {
             let wide = median_distance(points, window);
             let wider = (window.len() as f64 / size as f64).sqrt();
             growth[0] = if near > 0.0 { (wide / near).ln() / wider.ln() } else { 0.0 };
+            let window: Vec<&Vector> =
+                window.iter().map(|neighbor| &points[neighbor.place as usize]).collect();
+            let near = thickness(&window[..size.min(window.len())]);
+            let wider = wider / std::f64::consts::SQRT_2;
+            if near > 0.0 && wider > NARROWER {
+                growth[0] = growth[0].max((halved(&window) / near).ln() / wider.ln());
+            }
         })?;
         let (_, quartile, _) = growth.select_nth_unstable_by(n_asked / QUARTILE, f64::total_cmp);
         Ok(if *quartile > ROUGH { Self::Rough } else { Self::Smooth })
@@ -120,6 +132,40 @@ impl Law {
         let grown = sigma * (extent / own).max(1.0).powf(self.power);
         grown.max(self.level * extent.powf(self.power))
     }
+}
+
+/// Standard deviation about the plane of points.
+fn thickness(points: &[&Vector]) -> f64 {
+    let n = points.len() as f64;
+    let spread = Moments::of(points.iter().copied(), points[0]).spread();
+    (spread.variances[0] * n / (n - 3.0).max(1.0)).sqrt()
+}
+
+/// The same about the two planes into which the best straight cut parts points: what is left when
+/// an edge is between them.
+fn halved(points: &[&Vector]) -> f64 {
+    let moments = |some: &[(f64, &Vector)]| Moments::of(some.iter().map(|row| row.1), points[0]);
+    let whole = Moments::of(points.iter().copied(), points[0]).spread();
+    let [first, second] = axes_across(&whole.normal);
+    let mut best = f64::INFINITY;
+    for k in 0..DIRECTIONS {
+        let (sin, cos) = (std::f64::consts::PI * f64::from(k) / f64::from(DIRECTIONS)).sin_cos();
+        let along: Vector = std::array::from_fn(|axis| cos * first[axis] + sin * second[axis]);
+        let mut at: Vec<(f64, &Vector)> =
+            points.iter().map(|&point| (dot(&along, point), point)).collect();
+        at.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let parts: Vec<Moments> = (0..PARTS)
+            .map(|k| moments(&at[k * at.len() / PARTS..(k + 1) * at.len() / PARTS]))
+            .collect();
+        for cut in 1..PARTS {
+            let squares = |some: &[Moments]| {
+                let all = some.iter().fold(Moments::default(), |a, b| b.joined(&a));
+                all.spread().variances[0] * all.count
+            };
+            best = best.min(squares(&parts[..cut]) + squares(&parts[cut..]));
+        }
+    }
+    (best / (points.len() as f64 - 6.0)).sqrt()
 }
 
 /// Median distance of points to their plane, whatever a few of them do.

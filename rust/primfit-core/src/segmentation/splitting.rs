@@ -1,6 +1,5 @@
-//! Planes that are two: cut where two planes explain much more, or where a gap is between them.
+//! Planes that are two: cut where two planes explain much more.
 
-use super::gaps::{Cut, gap};
 use super::merging::Freedom;
 use super::regions::{Members, Region};
 use super::roughness::Surfaces;
@@ -18,8 +17,15 @@ const MOST: usize = 4096;
 /// Fewest points on either side.
 const FEWEST: f64 = 10.0;
 
-/// New labels after cutting each region of smooth surfaces that is in two pieces, or that two planes
-/// explain better.
+/// A straight cut: points whose product with `along` is greater than `at` are the second part.
+#[derive(Debug, Clone, Copy)]
+struct Cut {
+    along: Vector,
+    at: f64,
+}
+
+/// New labels after cutting each region that two planes explain better, at the price of smooth
+/// surfaces: what is one on rough ones is put together again.
 pub fn split(points: &[Vector], regions: &[Region], labels: &[i32], workers: &Workers) -> Vec<i32> {
     let freedom = Freedom::of(Surfaces::Smooth, regions);
     let members = Members::of(labels);
@@ -28,8 +34,7 @@ pub fn split(points: &[Vector], regions: &[Region], labels: &[i32], workers: &Wo
             .into_par_iter()
             .map(|k| {
                 let (places, spread) = (members.get(k), regions[k].spread());
-                gap(points, places, &spread)
-                    .or_else(|| best_cut(points, places, &regions[k], &spread, freedom))
+                best_cut(points, places, &regions[k], &spread, freedom)
             })
             .collect()
     });
