@@ -5,6 +5,8 @@ use super::growth::{FEWEST, NOBODY};
 use super::regions::{Members, components_by};
 use crate::Vector;
 use crate::neighbors::squared_distance;
+use crate::spread::dot;
+use std::cmp::Ordering;
 
 /// How much longer an edge may be than is usual around it: from 2 to 3, panels, slats, cartons and
 /// recorded roofs come out alike; gaps of 6 spacings need less than 3.
@@ -14,6 +16,9 @@ const LONGER: f64 = 2.5;
 const USUAL: usize = 4;
 /// Relative neighbours of a point at most.
 const MOST: usize = 8;
+/// How much more points a gap must leave out than the logarithm of how many places it could be at:
+/// chance leaves out so many once in a thousand planes, `exp(-6.9)`.
+const CHANCE: f64 = 6.9;
 
 /// The labels with each piece its own; pieces too small for a plane stay with the largest one that
 /// they touch.
@@ -38,9 +43,10 @@ pub fn pieces(points: &[Vector], graph: &Graph, labels: &[i32]) -> Vec<i32> {
         squared_distance(&points[i], &points[other]) <= longer * usual[i].max(usual[other])
     };
     let parts = components_by(graph, labels, is_joined);
+    let parts = without_chance_gaps(points, graph, labels, &parts);
     let members = Members::of(&parts);
     let mut result = parts.clone();
-    for k in (0..members.len()).filter(|&k| members.get(k).len() < FEWEST) {
+    for k in (0..members.len()).filter(|&k| (1..FEWEST).contains(&members.get(k).len())) {
         let touched = members.get(k).iter().flat_map(|&place| graph.of(place as usize));
         let own = labels[members.get(k)[0] as usize];
         let largest = touched
@@ -54,6 +60,108 @@ pub fn pieces(points: &[Vector], graph: &Graph, labels: &[i32]) -> Vec<i32> {
         }
     }
     result
+}
+
+/// The parts of each label, put together where chance may have left the gap between them: a narrow
+/// strip is empty over some length more often than a wide one.
+fn without_chance_gaps(
+    points: &[Vector],
+    graph: &Graph,
+    labels: &[i32],
+    parts: &[i32],
+) -> Vec<i32> {
+    let members = Members::of(parts);
+    let mut bridges: Vec<([i32; 2], [u32; 2])> = Vec::new();
+    for (i, &part) in parts.iter().enumerate().filter(|(_, part)| **part != NOBODY) {
+        for &other in graph.of(i).iter().filter(|&&other| labels[other as usize] == labels[i]) {
+            let to = parts[other as usize];
+            match part.cmp(&to) {
+                Ordering::Less => bridges.push(([part, to], [i as u32, other])),
+                Ordering::Greater => bridges.push(([to, part], [other, i as u32])),
+                Ordering::Equal => {}
+            }
+        }
+    }
+    bridges.sort_unstable();
+    let mut first: Vec<usize> = (0..members.len()).collect();
+    for bridges in bridges.chunk_by(|one, other| one.0 == other.0) {
+        let pair = bridges[0].0.map(|part| members.get(part as usize));
+        if gap(points, graph, labels, bridges, pair).is_chance() {
+            let [a, b] = bridges[0].0.map(|part| first[part as usize]);
+            for end in first.iter_mut().filter(|end| **end == a.max(b)) {
+                *end = a.min(b);
+            }
+        }
+    }
+    let of = |&part: &i32| if part == NOBODY { NOBODY } else { first[part as usize] as i32 };
+    parts.iter().map(of).collect()
+}
+
+/// What lies between two parts of a plane.
+struct Gap {
+    /// Points that would be there if they were as dense as in the parts.
+    n_missing: f64,
+    /// Points of the parts.
+    n_points: usize,
+}
+
+impl Gap {
+    fn is_chance(&self) -> bool {
+        self.n_missing < (self.n_points as f64).ln() + CHANCE
+    }
+}
+
+/// The gap is as long as its shortest bridge, and as wide as the parts face each other.
+fn gap(
+    points: &[Vector],
+    graph: &Graph,
+    labels: &[i32],
+    bridges: &[([i32; 2], [u32; 2])],
+    pair: [&[u32]; 2],
+) -> Gap {
+    let at = |place: u32| &points[place as usize];
+    let mut way = [0.0; 3];
+    let mut length = f64::INFINITY;
+    for &(_, [a, b]) in bridges {
+        way = std::array::from_fn(|axis| way[axis] + at(b)[axis] - at(a)[axis]);
+        length = length.min(squared_distance(at(a), at(b)).sqrt());
+    }
+    let way = unit(&way);
+    let start = at(bridges[0].1[0]);
+    let aside = |place: u32| -> Vector {
+        let from: Vector = std::array::from_fn(|axis| at(place)[axis] - start[axis]);
+        let along = dot(&from, &way);
+        std::array::from_fn(|axis| from[axis] - along * way[axis])
+    };
+    let all = || pair.iter().flat_map(|part| part.iter().copied());
+    let farthest = all().map(aside).max_by(|a, b| dot(a, a).total_cmp(&dot(b, b)));
+    let across = farthest.map_or([0.0; 3], |far| unit(&far));
+    let [one, other] = pair.map(|part| {
+        let places = part.iter().map(|&place| dot(&aside(place), &across));
+        places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| {
+            [low.min(place), high.max(place)]
+        })
+    });
+    let width = (one[1].min(other[1]) - one[0].max(other[0])).max(0.0);
+    let (mut sum, mut n_points) = (0.0, 0_u32);
+    for place in all() {
+        let own = graph.of(place as usize).iter();
+        if let Some(&near) =
+            own.clone().find(|&&near| labels[near as usize] == labels[place as usize])
+        {
+            sum += squared_distance(at(place), at(near)).sqrt();
+            n_points += 1;
+        }
+    }
+    // The nearest of points that are scattered over a plane is half of a spacing away, on average.
+    let spacing = 2.0 * sum / f64::from(n_points);
+    let n_missing = length * (width + spacing) / spacing.powi(2);
+    Gap { n_missing, n_points: n_points as usize }
+}
+
+fn unit(vector: &Vector) -> Vector {
+    let length = dot(vector, vector).sqrt();
+    vector.map(|value| if length > 0.0 { value / length } else { 0.0 })
 }
 
 /// Squared length of the longest edge from a point to its relative neighbours of the same label.
@@ -110,6 +218,22 @@ mod tests {
     fn equal_gaps_are_all_cut() {
         assert_eq!(sizes(|u, _| (4.0 * u).fract() < 0.6).len(), 4);
         assert_eq!(sizes(|u, v| (3.0 * u).fract() < 0.7 && (3.0 * v).fract() < 0.7).len(), 9);
+    }
+
+    /// A strip of three spacings has gaps of as many by chance.
+    #[test]
+    fn a_narrow_strip_is_one_piece() {
+        let mut seed = 7_u64;
+        let mut draw = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (seed >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let points: Vec<Vector> = (0..400).map(|_| [2.0 * draw(), 0.04 * draw(), 0.0]).collect();
+        let workers = Workers::new(Some(1), &(|| true)).unwrap();
+        let tree = PointTree::new(&points);
+        let graph = Graph::new(&tree, 16, 96, &workers).unwrap();
+        let parts = pieces(tree.points(), &graph, &vec![0; points.len()]);
+        assert!(parts.iter().all(|&part| part == parts[0]));
     }
 
     #[test]
