@@ -75,6 +75,42 @@ class BeamBlocks:
         is_open: bool,
     ) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]: ...
 
+Prisms = tuple[NDArray[np.float64], list[int], list[float], list[float], list[bool]]
+
+@final
+class PoseBeams:
+    def __new__(
+        cls,
+        starts: Sequence[int],
+        origins: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        ranges: NDArray[np.float64],
+        sigmas: NDArray[np.float64],
+        limits: tuple[float, float],
+    ) -> PoseBeams: ...
+    def __len__(self) -> int: ...
+    def sums(
+        self,
+        poses: NDArray[np.float64],
+        prisms: Prisms,
+        floor: float,
+        shared: Sequence[float],
+        robust: Sequence[float],
+        stride: int = 1,
+        n_jobs: int | None = None,
+    ) -> tuple[NDArray[np.float64], ...]: ...
+    def costs(
+        self,
+        of: Sequence[int],
+        places: NDArray[np.float64],
+        prisms: Prisms,
+        floor: float,
+        shared: Sequence[float],
+        robust: Sequence[float],
+        stride: int = 1,
+        n_jobs: int | None = None,
+    ) -> NDArray[np.float64]: ...
+
 @final
 class LevelLines:
     def __new__(

@@ -10,7 +10,7 @@ from typing import Any, Literal, TypedDict, Unpack, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import Ints, choice
+from primfit._check import Floats, Ints, choice
 from primfit._later import replaced
 from primfit.clouds.foreign import PointsLike
 from primfit.clouds.upright import uprightness
@@ -156,8 +156,20 @@ def detect(
     found = _METHODS[method](recorded.moved(-offset), rng, **options)
     if rows is not None:
         found = _of_rows(found, rows, len(whole))
-    found = found.moved(offset, whole)
+    found = found.moved(offset, whole if found.path is None else _seen(found, rows, whole, offset))
     return replace(found, settings=found.settings | {"method_reason": reason})
+
+
+def _seen(found: Detection, rows: Ints | None, whole: Scan, offset: Floats) -> Scan:
+    """The whole scan with beams from where they were found to begin."""
+    seen = found.scan.moved(offset)
+    if rows is None:
+        return seen
+    names = ("points", "origins", "directions", "ranges")
+    arrays: dict[str, Any] = {name: np.array(getattr(whole, name)) for name in names}
+    for name, array in arrays.items():
+        array[rows] = getattr(seen, name)
+    return replace(whole, **arrays, path=seen.path)
 
 
 def _of_rows(found: Detection, rows: Ints, n: int) -> Detection:

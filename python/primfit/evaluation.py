@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from primfit._check import Floats, instance, number
+from primfit._check import Floats, choice, instance, number
 from primfit._tables import html_table
 from primfit.geometry.footprints import symmetry_angle
+from primfit.geometry.motions import Motion
 from primfit.geometry.shapes import turn_between
 from primfit.polyhedra.found import FoundPolyhedron
 from primfit.results import Detection, FoundSolid
@@ -21,6 +22,10 @@ from primfit.worlds.world import Solid, World
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+
+_ROUNDS = 3
+"""Times that solids are paired and laid on each other; the pairs hardly change after that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +181,9 @@ class Report:
         return "\n".join(lines)
 
 
-def evaluate(found: Detection, world: World, *, max_distance: float = 0.1) -> Report:
+def evaluate(
+    found: Detection, world: World, *, max_distance: float = 0.1, frame: str = "world"
+) -> Report:
     """How well the solids of a world were found.
 
     Solids are matched one to one, so that the sum of the distances between their centres, seen
@@ -187,10 +194,19 @@ def evaluate(found: Detection, world: World, *, max_distance: float = 0.1) -> Re
     found : Detection
     world : World
     max_distance : float, metres
+    frame : "world" or "arena"
+        Where poses were not exact, neither is where the map as a whole lies. "world" compares
+        places as they are; "arena" first lays the found arena on the true one, corner by corner,
+        or, where one of them is missing or has other corners, the found solids on the true ones.
 
     Returns
     -------
     Report
+
+    Raises
+    ------
+    ValueError
+        When `frame` is neither.
 
     Examples
     --------
@@ -203,6 +219,9 @@ def evaluate(found: Detection, world: World, *, max_distance: float = 0.1) -> Re
     instance("found", found, Detection)
     instance("world", world, World)
     max_distance = number("max_distance", max_distance, above=0.0)
+    choice("frame", frame, ["world", "arena"])
+    if frame == "arena":
+        found = _laid(found, _motion(found, world, max_distance))
     truth = np.array([solid.center[:2] for solid in world.solids]).reshape(-1, 2)
     centers = np.array([solid.center[:2] for solid in found.solids]).reshape(-1, 2)
     distance = np.linalg.norm(truth[:, None] - centers, axis=-1)
@@ -217,6 +236,43 @@ def evaluate(found: Detection, world: World, *, max_distance: float = 0.1) -> Re
     n_walls += 0 if world.arena is None else len(world.arena.outline)
     upright = sum(abs(plane.equation[2]) < 0.5 for plane in found.planes)
     return Report(rows, spurious, int(upright), n_walls)
+
+
+def _motion(found: Detection, world: World, max_distance: float) -> Motion:
+    """What lays the found arena on the true one, or the solids."""
+    if found.arena is not None and world.arena is not None:
+        corners, outline = found.arena.footprint, np.asarray(world.arena.outline)
+        if len(corners) == len(outline):
+            turns = [np.roll(corners, -k, axis=0) for k in range(len(corners))]
+            # A square lies on itself in four ways: the one that moves its corners least.
+            nearest = min(turns, key=lambda each: float(((each - outline) ** 2).sum()))
+            return Motion.laying(nearest, outline)
+    truth = np.array([solid.center[:2] for solid in world.solids]).reshape(-1, 2)
+    centers = np.array([solid.center[:2] for solid in found.solids]).reshape(-1, 2)
+    motion = Motion(0.0, np.zeros(2))
+    for _ in range(_ROUNDS):
+        off = np.linalg.norm(motion.of(centers)[:, None] - truth, axis=-1)
+        rows, columns = linear_sum_assignment(np.minimum(off, max_distance))
+        near = off[rows, columns] < max_distance
+        if near.sum() < 2:
+            break
+        motion = Motion.laying(centers[rows[near]], truth[columns[near]])
+    return motion
+
+
+def _laid(found: Detection, motion: Motion) -> Detection:
+    """The detection with its solids where a motion brings them."""
+    solids: list[FoundSolid | FoundPolyhedron] = []
+    for solid in found.solids:
+        if isinstance(solid, FoundPolyhedron):
+            vertices = np.column_stack([motion.of(solid.vertices[:, :2]), solid.vertices[:, 2]])
+            outline = solid.footprint
+            footprint = None if outline is None else motion.of(outline)
+            solids.append(replace(solid, vertices=vertices, footprint=footprint))
+        else:
+            angle = solid.angle + motion.turn
+            solids.append(replace(solid, footprint=motion.of(solid.footprint), angle=angle))
+    return replace(found, solids=tuple(solids))
 
 
 def _n_upright_faces(solid: Solid) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -254,6 +254,16 @@ class Detection(Shown):
         Planes that meet without closing, and are in no solid; by the method "planes" only.
     contradictions : tuple of Contradiction
         Places where something stood for a part of the time only; by the method "likelihood" only.
+    path : (p, 3) float64 or None
+        Poses as they were found, x, y in metres and yaw in radians, row by `pose_index`; None where
+        they were taken as exact. `scan` is then as it was found to be, with beams from there.
+    path_covariance : (p, 3, 3) float64 or None
+        Of each, with the map unknown; NaN for poses without beams.
+    lost_poses : tuple of int
+        Poses whose beams fit much worse than those of the others, and were left out.
+    calibration : dict
+        What was estimated of "bias", "mount_x", "mount_y", metres, and "mount_yaw", radians, and
+        the standard deviation of each as "bias_sigma" and so on.
     """
 
     scan: Scan
@@ -267,6 +277,10 @@ class Detection(Shown):
     settings: dict[str, Any]
     shells: tuple[tuple[int, ...], ...] = ()
     contradictions: tuple[Contradiction, ...] = ()
+    path: Floats | None = None
+    path_covariance: Floats | None = None
+    lost_poses: tuple[int, ...] = ()
+    calibration: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "labels", writable(self.labels))
@@ -281,6 +295,7 @@ class Detection(Shown):
             arena=self.arena and self.arena.moved(offset),
             floor=self.floor and self.floor.moved(offset),
             contradictions=tuple(each.moved(offset) for each in self.contradictions),
+            path=None if self.path is None else self.path + np.append(offset[:2], 0.0),
         )
 
     def plot(self, *, world: World | None = None, ax: Axes | None = None) -> Axes:
@@ -330,6 +345,18 @@ class Detection(Shown):
             "planes": planes,
             "shells": [list(shell) for shell in self.shells],
             "contradictions": [each.to_dict() for each in self.contradictions],
+        } | self._poses_to_dict()
+
+    def _poses_to_dict(self) -> dict[str, Any]:
+        """What was found of the poses, if they were not exact."""
+        if self.path is None or self.path_covariance is None:
+            return {}
+        sigmas = np.sqrt(np.einsum("pii->pi", self.path_covariance))
+        return {
+            "path": self.path.tolist(),
+            "path_sigmas": [_plain(row) for row in sigmas],
+            "lost_poses": list(self.lost_poses),
+            "calibration": self.calibration,
         }
 
     def to_json(self, file: str | PathLike[str] | None = None) -> str:

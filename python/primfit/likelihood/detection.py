@@ -8,12 +8,14 @@ their silhouette. A few of any kind may be outliers; their cost is capped.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from primfit._check import generator, instance, n_jobs_or_none, number
+from primfit._check import choice, generator, instance, n_jobs_or_none, number
 from primfit._progress import Progress, reporting
 from primfit.clouds.noise import estimate_range_sigma
 from primfit.likelihood.consistency import find_contradictions
@@ -25,10 +27,12 @@ from primfit.likelihood.environment import (
 )
 from primfit.likelihood.hypotheses import Hypothesis
 from primfit.likelihood.model_selection import fit_regions, sample_candidates
+from primfit.likelihood.poses import Task, detect_with_poses
 from primfit.likelihood.refinement import finish, merge_overlapping, prune, refine
 from primfit.likelihood.report import to_detection
 from primfit.likelihood.settings import LikelihoodSettings
 from primfit.likelihood.space_carving import carve, with_room
+from primfit.likelihood.tracks import SHARED, Track
 from primfit.results import Detection
 from primfit.scans.scan import Scan, as_sigma
 
@@ -40,6 +44,9 @@ def detect_likelihood(
     sigma: Any = None,
     tolerance: float | None = None,
     settings: LikelihoodSettings | None = None,
+    pose_sigma: ArrayLike | None = None,
+    step_sigma: ArrayLike | None = None,
+    estimate: Collection[str] = (),
     n_jobs: int | None = None,
     progress: Progress = False,
 ) -> Detection:
@@ -67,6 +74,16 @@ def detect_likelihood(
         footprint.
     settings : LikelihoodSettings or None
         All other numbers that the method depends on.
+    pose_sigma : (position, heading), (x, y, heading), (p, 2), (p, 3) or None
+        Standard deviations, metres and radians, of the poses from which the scan believes it was
+        taken, each by itself: poses and solids are then estimated together. None is exact, unless
+        `step_sigma` is given.
+    step_sigma : the same of (p - 1) steps, or None
+        The same of each step from one pose to the next, in the robot's frame; the first pose is
+        exact then, since it says where the map is.
+    estimate : tuple of str
+        What else is estimated, where poses are not exact: "bias", by how much all ranges are too
+        long, and "mount", where on the robot the sensor sits, beyond what the scan believes.
     n_jobs : int or None
         Threads; None for all.
     progress : bool or callable
@@ -75,12 +92,20 @@ def detect_likelihood(
     Returns
     -------
     Detection
-        Each solid has the mean and covariance of its posterior.
+        Each solid has the mean and covariance of its posterior. Where poses are not exact, that is
+        where all ranges agree best, with the poses marginalised; `path` and `path_covariance` are
+        those of the poses.
 
     Raises
     ------
     ValueError
-        When the scan has no returns or no origins.
+        When the scan has no returns or no origins, or it is not known which beams were taken from
+        one pose.
+
+    Warns
+    -----
+    UserWarning
+        For places of which beams contradict each other, and poses whose beams fit nothing.
 
     Examples
     --------
@@ -99,6 +124,19 @@ def detect_likelihood(
     rng = generator(rng)
     given = scan.sigma if sigma is None else as_sigma(sigma, len(scan))
     spread = estimate_range_sigma(scan, rng) if given is None else given
+
+    free = _shared(estimate)
+    if pose_sigma is not None or step_sigma is not None:
+        if pose_sigma is not None and step_sigma is not None:
+            raise ValueError("pose_sigma and step_sigma exclude each other: give one of them")
+        task = Task(np.asarray(spread), given is None, free, how, rng, n_jobs_or_none(n_jobs))
+        with reporting(progress, 10, "stage") as tell:
+            return detect_with_poses(Track.of(scan, pose_sigma, step_sigma), task, tell)
+    if free:
+        raise ValueError(
+            "estimate needs pose_sigma or step_sigma: what is common to all beams is sought with "
+            "the poses"
+        )
 
     with reporting(progress, 10, "stage") as tell:
         scene, has_floor = initial_scene(scan, np.asarray(spread), how, n_jobs_or_none(n_jobs))
@@ -138,6 +176,14 @@ def detect_likelihood(
         detection = to_detection(scene, floor_sigma, sigma, tuple(contradictions))
         tell(10)
     return detection
+
+
+def _shared(estimate: Collection[str]) -> tuple[int, ...]:
+    """Which of what is common to all beams is sought."""
+    names = (estimate,) if isinstance(estimate, str) else tuple(estimate)
+    for name in names:
+        choice("estimate", name, list(SHARED))
+    return tuple(sorted({k for name in names for k in SHARED[name]}))
 
 
 def _check(scan: Scan) -> None:

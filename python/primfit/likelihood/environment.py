@@ -116,11 +116,11 @@ def _span(z: Floats) -> tuple[float, float]:
     return float(z.min()), float(z.max())
 
 
-def find_room(scene: Scene, space: FreeSpace) -> Candidate | None:
+def find_room(scene: Scene, space: FreeSpace, slack: float = 0.0) -> Candidate | None:
     """Walls around the free space, if they explain the scan better than none.
 
     Rectangles and, where the free space has another outline, polygons compete, each with the
-    height that the beams tell.
+    height that the beams tell. The sensor's places may be `slack` outside, metres.
     """
     how = scene.settings.room
     rows = np.arange(0, len(scene.scan), max(1, len(scene.scan) // how.beams))
@@ -156,7 +156,7 @@ def find_room(scene: Scene, space: FreeSpace) -> Candidate | None:
             if best is not None and fit.cost + price(fit) > best.fit.cost:
                 continue
             fit = _without_needless_corners(beams, fit, z, price(fit))
-        if not _is_around(scene, fit):
+        if not _is_around(scene, fit, slack):
             continue
         each = Candidate.unsampled(fit, Top(z, height.sigma))
         if best is None or _priced(fit, price(fit)) < _priced(best.fit, price(fit)):
@@ -166,10 +166,11 @@ def find_room(scene: Scene, space: FreeSpace) -> Candidate | None:
     return best
 
 
-def _is_around(scene: Scene, fit: Fit) -> bool:
-    """Whether the sensor was within walls wherever it was."""
+def _is_around(scene: Scene, fit: Fit, slack: float) -> bool:
+    """Whether the sensor was within walls, or hardly outside, wherever it was."""
     x, y, _ = scene.recording.places.T
     room = shapely.make_valid(shapely.Polygon(fit.footprint))
+    room = room.buffer(slack) if slack > 0.0 else room
     return bool(shapely.contains_xy(room, x, y).mean() > _INSIDE)
 
 

@@ -30,7 +30,7 @@ def refine(scene: Scene, rng: np.random.Generator) -> Scene:
     before the others.
     """
     most = scene.settings.refinement.misfit
-    for alternatives in (_ALTERNATIVES[:1], _ALTERNATIVES):
+    for alternatives in (ALTERNATIVES[:1], ALTERNATIVES):
         misfits = {id(solid): scene.misfit(solid) for solid in scene.solids}
         queue = [solid for solid in scene.solids if misfits[id(solid)] > most]
         if not queue:
@@ -41,7 +41,7 @@ def refine(scene: Scene, rng: np.random.Generator) -> Scene:
             if scene.misfit(solid) <= most:
                 continue
             others = scene.with_solids([each for each in scene.solids if each is not solid])
-            best = _best_instead(others, solid, alternatives, rng)
+            best = best_instead(others, solid, alternatives, rng)
             scene = others.with_solids([*others.solids, *best])
             if len(best) > 1:
                 queue += best
@@ -155,7 +155,7 @@ def merge_overlapping(scene: Scene, rng: np.random.Generator) -> Scene:
             scene = others.with_solids([*others.solids, *best])
 
 
-def _best_instead(
+def best_instead(
     others: Scene,
     solid: Hypothesis,
     alternatives: tuple[Alternative, ...],
@@ -298,7 +298,7 @@ def _from_parts(others: Scene, parts: tuple[Region, ...]) -> Solids:
     return _fitted(others, [Hypothesis(part) for part in parts]) if len(parts) > 1 else []
 
 
-_ALTERNATIVES: tuple[Alternative, ...] = (_again, _at_necks, _in_halves, _as_polygon)
+ALTERNATIVES: tuple[Alternative, ...] = (_again, _at_necks, _in_halves, _as_polygon)
 
 
 def _touch(solids: Solids, distance: float) -> bool:

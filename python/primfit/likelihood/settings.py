@@ -441,6 +441,82 @@ class RefinementSettings(_Checked):
 
 
 @dataclass(frozen=True, kw_only=True)
+class PoseSettings(_Checked):
+    """Poses that are not exact, sought with the map.
+
+    Attributes
+    ----------
+    shared_sigmas : tuple of four floats
+        Standard deviations beforehand of bias, x and y of the mount, as shares of the sensor's
+        reach, and of its turn, radians, where they are estimated: a hand's breadth a metre.
+    widest_blur : float
+        Largest blur of walls, as a share of the room's or of the solids' size: with more, beams
+        that meet something else count as near.
+    sharpening : float
+        By how much the blur falls from level to level.
+    level_steps, last_steps : int
+        Steps at each level, and at the end.
+    soft_scale, soft_cut : float, standard deviations
+        Residual that counts a quarter, and the largest that counts, as long as beams may meet
+        something that the map lacks.
+    cut : float, standard deviations
+        Residual beyond which a beam does not count at the end: a Gaussian leaves 6 in 100 000.
+    stride : int
+        One beam in so many counts but at the end.
+    longest_step : float, standard deviations
+        Of a pose as believed, in one step.
+    rise : float
+        Share of the beams of a pose that may meet something else after a step at the most, since
+        others gain.
+    balance : float, standard deviations
+        Steps end where they move the unknowns by less, in the mean.
+    suspect_sigmas, least_excess : float, standard deviations and nats
+        What the beams of a pose cost beyond the others', a beam, from which it is sought anew: in
+        the spread of the poses, and at the least, one beam in eighty that meets something else.
+    most_suspects : float
+        Share of such poses from which solids are sought once more at the poses known by then.
+    search_draws : (int, int)
+        Places where such a pose is sought in each round, at the least and at the most.
+    search_places : int
+        The same for all such poses together, but for the least.
+    search_rounds : int
+        Rounds, each about the best place of the one before.
+    search_shrinking : float
+        Width of the draws, in that of the round before: so far off is the best of them in three
+        dimensions.
+    search_stride : int
+        One beam in so many by which it is sought.
+    most_lost : float
+        Share of the beams of a pose that fit nothing from which a warning names it.
+    best_known : float
+        Poses whose beams are less exact than this times the median do not take part in detection.
+    """
+
+    shared_sigmas: tuple[float, float, float, float] = (0.05, 0.03, 0.03, 0.1)
+    widest_blur: float = 0.05
+    sharpening: float = 2.5
+    level_steps: int = 4
+    last_steps: int = 6
+    soft_scale: float = 2.0
+    soft_cut: float = 12.0
+    cut: float = 4.0
+    stride: int = 3
+    longest_step: float = 3.0
+    rise: float = 0.01
+    balance: float = 0.05
+    suspect_sigmas: float = 3.0
+    least_excess: float = 0.1
+    most_suspects: float = 0.1
+    search_draws: tuple[int, int] = (250, 1000)
+    search_places: int = 10_000
+    search_rounds: int = 3
+    search_shrinking: float = 0.3
+    search_stride: int = 5
+    most_lost: float = 0.1
+    best_known: float = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class ConsistencySettings(_Checked):
     """Places of which the beams contradict each other by when they were taken.
 
@@ -495,6 +571,7 @@ class LikelihoodSettings(_Checked):
     sampling: SamplingSettings = field(default_factory=SamplingSettings)
     selection: SelectionSettings = field(default_factory=SelectionSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
+    poses: PoseSettings = field(default_factory=PoseSettings)
     consistency: ConsistencySettings = field(default_factory=ConsistencySettings)
 
     def tolerance_of(self, size: float, *, is_room: bool = False) -> float:

@@ -25,8 +25,9 @@ def load_arrays(
     arrays: Collection[str],
     indices: Collection[str],
     numbers: Collection[str],
+    paths: Collection[str],
 ) -> dict[str, Any]:
-    """Arrays, whole numbers of beams, and numbers of a scan by name; the arrays must all be there.
+    """Arrays, whole numbers of beams, numbers and paths of a scan; all arrays must be there.
 
     Raises
     ------
@@ -44,13 +45,15 @@ def load_arrays(
         with Archive(path) as archive:
             if "primfit" not in archive or archive["primfit"] != "scan":
                 raise ValueError("it has no array 'primfit' that says 'scan'")
-            names = sorted({*arrays, *indices, *numbers} & {*archive})
+            names = sorted({*arrays, *indices, *numbers, *paths} & {*archive})
             missing = [name for name in arrays if name not in names]
             if missing:
                 raise ValueError(f"it lacks {', '.join(missing)}")
             n = max(archive.shape("ranges"), default=0)
             return {
-                name: _checked(name, archive[name], n, name in indices, name in numbers)
+                name: _checked_path(name, archive[name])
+                if name in paths
+                else _checked(name, archive[name], n, name in indices, name in numbers)
                 for name in names
             }
     except MemoryError as error:
@@ -71,3 +74,12 @@ def _checked(name: str, array: Field, n: int, is_index: bool, is_number: bool) -
     if is_number and not (np.isfinite(array).all() and (array >= 0.0).all()):
         raise ValueError(f"its {name} must be finite and at least 0, not {array}")
     return float(array) if array.ndim == 0 else array.astype(np.float64, copy=False)
+
+
+def _checked_path(name: str, array: Field) -> Any:
+    """Poses (p, 3) whose type and shape are right."""
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
+        raise ValueError(f"its array {name!r} is {array.dtype} {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"its {name} must be finite")
+    return array.astype(np.float64, copy=False)

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 _ARRAYS = ("points", "origins", "directions", "ranges")
 _INDICES = ("layer", "column", "pose_index", "solid_index")
 _NUMBERS = ("sigma", "min_range", "max_range")
+_PATHS = ("path", "true_path")
 
 _FAR = 400.0
 """How many times farther points are from the origin than half of them from their middle, when they
@@ -68,6 +69,11 @@ class Scan(Shown):
         Standard deviation of the ranges; 0 is exact, None is not known.
     min_range, max_range : float or None, metres
         Nearer than the first, and beyond the second, the sensor gets no return; None is not known.
+    path : (p, 3) float64 or None
+        Poses of the robot as it believes them: x, y in metres and yaw in radians, row by
+        `pose_index`; None where the sensor did not move in the plane, or they are not known.
+    true_path : (p, 3) float64 or None
+        The truth, where it is known: it differs from `path` where `primfit.scan` was told so.
 
     Notes
     -----
@@ -86,6 +92,8 @@ class Scan(Shown):
     sigma: float | Floats | None = None
     min_range: float | None = None
     max_range: float | None = None
+    path: Floats | None = None
+    true_path: Floats | None = None
 
     def __post_init__(self) -> None:
         for name in (*_ARRAYS, *_INDICES):
@@ -107,6 +115,7 @@ class Scan(Shown):
         column: ArrayLike | None = None,
         pose_index: ArrayLike | None = None,
         solid_index: ArrayLike | None = None,
+        path: ArrayLike | None = None,
     ) -> Scan:
         """A scan from recorded beams.
 
@@ -123,12 +132,15 @@ class Scan(Shown):
         min_range, max_range : float or None, metres
             Range limits of the sensor; None is not known.
         layer, column, pose_index, solid_index : (n,) int or None
+        path : (p, 3) float64 or None
+            Poses of the robot as it believes them: x, y in metres and yaw in radians, to which
+            `pose_index` refers. Origins and directions are as seen from there.
 
         Raises
         ------
         ValueError
-            When shapes do not match, a range is NaN or minus infinity, a direction is zero, or
-            `min_range` is not below `max_range`.
+            When shapes do not match, a range is NaN or minus infinity, a direction is zero,
+            `min_range` is not below `max_range`, or `pose_index` is none of the path.
 
         Examples
         --------
@@ -159,6 +171,7 @@ class Scan(Shown):
         points = np.full((n, 3), np.nan)
         points[is_return] = starts[is_return] + lengths[is_return, None] * unit[is_return]
         nearest, farthest = range_limits(min_range, max_range)
+        poses = _indices("pose_index", pose_index, n)
         return cls(
             points=points,
             origins=starts,
@@ -166,11 +179,12 @@ class Scan(Shown):
             ranges=lengths,
             layer=_indices("layer", layer, n),
             column=_indices("column", column, n),
-            pose_index=_indices("pose_index", pose_index, n),
+            pose_index=poses,
             solid_index=_indices("solid_index", solid_index, n),
             sigma=as_sigma(sigma, n),
             min_range=nearest,
             max_range=farthest,
+            path=None if path is None else _path_of(path, poses),
         )
 
     @classmethod
@@ -333,13 +347,17 @@ class Scan(Shown):
             array = getattr(self, name)
             changes[name] = None if array is None else array[index]
         sigma = self.sigma[index] if isinstance(self.sigma, np.ndarray) else self.sigma
-        return Scan(**changes, sigma=sigma, min_range=self.min_range, max_range=self.max_range)
+        changes |= {name: getattr(self, name) for name in ("min_range", "max_range", *_PATHS)}
+        return Scan(**changes, sigma=sigma)
 
     def moved(self, offset: Floats) -> Scan:
         """The scan moved by a vector (3,), metres."""
         if not offset.any():
             return self
-        return replace(self, points=self.points + offset, origins=self.origins + offset)
+        paths = {name: getattr(self, name) for name in _PATHS}
+        step = np.append(offset[:2], 0.0)
+        paths = {name: None if path is None else path + step for name, path in paths.items()}
+        return replace(self, points=self.points + offset, origins=self.origins + offset, **paths)
 
     @property
     def far_offset(self) -> Floats:
@@ -367,7 +385,8 @@ class Scan(Shown):
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write the scan as a NumPy archive (.npz); every number survives exactly."""
-        save_arrays(file, {name: getattr(self, name) for name in (*_ARRAYS, *_INDICES, *_NUMBERS)})
+        names = (*_ARRAYS, *_INDICES, *_NUMBERS, *_PATHS)
+        save_arrays(file, {name: getattr(self, name) for name in names})
 
     @classmethod
     def load(cls, file: str | PathLike[str]) -> Scan:
@@ -382,7 +401,7 @@ class Scan(Shown):
         MemoryError
             When the memory is too small for it.
         """
-        return cls(**load_arrays(file, _ARRAYS, _INDICES, _NUMBERS))
+        return cls(**load_arrays(file, _ARRAYS, _INDICES, _NUMBERS, _PATHS))
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draw the returns from above; needs matplotlib."""
@@ -447,6 +466,19 @@ def as_sigma(sigma: ArrayLike | None, n: int) -> float | Floats | None:
     if (column < 0.0).any():
         raise ValueError(f"sigma must be at least 0, but row {int(np.argmin(column))} is not")
     return np.array(column)
+
+
+def _path_of(path: ArrayLike, pose_index: Ints | None) -> Floats:
+    """Checked poses (p, 3) to which all of `pose_index` refer."""
+    poses = np.array(as_rows("path", path, 3))
+    if pose_index is None:
+        raise ValueError("path needs pose_index, which says from which pose each beam was taken")
+    if len(pose_index) and not (pose_index.min() >= 0 and pose_index.max() < len(poses)):
+        raise ValueError(
+            f"pose_index must be rows of path, from 0 to {len(poses) - 1}, not "
+            f"{pose_index.min()} to {pose_index.max()}"
+        )
+    return poses
 
 
 def _indices(name: str, values: ArrayLike | None, n: int) -> Ints | None:

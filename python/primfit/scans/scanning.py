@@ -14,6 +14,7 @@ from primfit._check import Bools, Floats, check_finite, generator, instance, n_j
 from primfit._progress import Progress, reporting
 from primfit.scans.casting import RayCaster
 from primfit.scans.lidar import Lidar, check_transforms
+from primfit.scans.path_errors import as_pose_sigmas, carried_along, drifted, misplaced
 from primfit.scans.scan import Scan
 from primfit.worlds.places import warn_of_places
 from primfit.worlds.world import World
@@ -27,6 +28,8 @@ def scan(
     lidar: Lidar | None = None,
     *,
     rng: Any = None,
+    pose_noise: ArrayLike | None = None,
+    step_noise: ArrayLike | None = None,
     n_jobs: int | None = None,
     progress: Progress = False,
 ) -> Scan:
@@ -48,6 +51,14 @@ def scan(
         None for `Lidar()`.
     rng : None, int or numpy.random.Generator
         Same `rng`, same scan, at any number of threads.
+    pose_noise : (position, heading), (x, y, heading) or None, metres and radians
+        Standard deviations of what the scan believes of each pose by itself, as of a robot with
+        beacons and a compass. The beams are cast from the path; origins, directions, points and
+        `Scan.path` are as they seem from where the robot believes to be, and `Scan.true_path` is
+        the path.
+    step_noise : (position, heading), (forward, left, heading) or None, metres and radians
+        The same for each step from one pose to the next, in the robot's frame, as of a robot that
+        counts the turns of its wheels: what it believes drifts away. The first pose is exact.
     n_jobs : int or None
         Threads; None for all.
     progress : bool or callable
@@ -62,7 +73,8 @@ def scan(
     Raises
     ------
     ValueError
-        When the path has no valid pose, or is not a path.
+        When the path has no valid pose, or is not a path; when poses shall be noisy in both ways,
+        or are not planar.
 
     Warns
     -----
@@ -80,8 +92,10 @@ def scan(
     instance("world", world, World)
     lidar = Lidar() if lidar is None else lidar
     instance("lidar", lidar, Lidar)
-    poses, is_planar = as_transforms(path, lidar)
-    valid = np.flatnonzero(_is_valid(world, poses[:, :3, 3], inside_arena=is_planar))
+    poses, planar = as_transforms(path, lidar)
+    sigmas = _noise_of_poses(pose_noise, step_noise, planar)
+    inside_arena = planar is not None
+    valid = np.flatnonzero(_is_valid(world, poses[:, :3, 3], inside_arena=inside_arena))
     if not len(valid):
         raise ValueError(
             f"path has no valid pose: all {len(poses)} are inside a solid or outside the arena of "
@@ -114,6 +128,18 @@ def scan(
             out = points[rows], ranges[rows], ids[rows]
             caster.scan(some, beams, gate, (seed, rows.start), *out, n_jobs)
             tell(first + len(some))
+    believed = planar
+    if planar is not None and sigmas is not None:
+        errors = misplaced if step_noise is None else drifted
+        believed = carried_along(planar, valid, errors(planar[valid], sigmas, rng))
+        transforms = _mounted(believed[valid], lidar).reshape(-1, 16)
+        for first in range(0, n_poses, at_once):
+            some = transforms[first : first + at_once]
+            rows = slice(first * n_beams, (first + len(some)) * n_beams)
+            starts = np.repeat(some[:, [3, 7, 11]], n_beams, axis=0)
+            is_return = np.isfinite(ranges[rows])
+            reach = np.where(is_return, ranges[rows], np.nan)[:, None]
+            points[rows] = starts + reach * _primfit.turned(some, beams)
     return Scan(
         points=points,
         origins=partial(np.repeat, transforms[:, [3, 7, 11]], n_beams, axis=0),
@@ -126,24 +152,40 @@ def scan(
         sigma=lidar.sigma,
         min_range=lidar.min_range,
         max_range=lidar.max_range,
+        path=believed,
+        true_path=planar,
     )
 
 
-def as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, bool]:
-    """Sensor poses (n, 4, 4), and whether the path is planar."""
+def _noise_of_poses(
+    pose_noise: ArrayLike | None, step_noise: ArrayLike | None, planar: Floats | None
+) -> Floats | None:
+    """Standard deviations (3,) of poses or of steps; None for exact ones."""
+    if pose_noise is None and step_noise is None:
+        return None
+    if pose_noise is not None and step_noise is not None:
+        raise ValueError("pose_noise and step_noise exclude each other: give one of them")
+    name, noise = ("pose_noise", pose_noise) if step_noise is None else ("step_noise", step_noise)
+    if planar is None:
+        raise ValueError(f"{name} needs a planar path (n, 3) of x, y and yaw, not transforms")
+    return as_pose_sigmas(name, noise)
+
+
+def as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, Floats | None]:
+    """Sensor poses (n, 4, 4), and the path (n, 3) of the robot if it is planar."""
     try:
         array = np.asarray(path, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise TypeError(f"path must be an array of numbers: {error}") from None
     if array.shape[-2:] == (4, 4) and array.ndim in (2, 3):
-        return check_transforms("path", array.reshape(-1, 4, 4), array.shape), False
+        return check_transforms("path", array.reshape(-1, 4, 4), array.shape), None
     if array.ndim not in (1, 2) or array.shape[-1] != 3:
         raise ValueError(
             f"path must have shape (n, 3), (3,), (n, 4, 4) or (4, 4), not {array.shape}"
         )
     array = array.reshape(-1, 3)
     check_finite("path", array)
-    x, y, yaw = array.T
+    yaw = array[:, 2]
     if (np.abs(yaw) > 2 * np.pi + 1e-9).any():
         row = int(np.argmax(np.abs(yaw)))
         warnings.warn(
@@ -151,12 +193,19 @@ def as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, bool]:
             f"degrees are meant, use numpy.radians",
             stacklevel=3,
         )
-    robots = np.tile(np.eye(4), (len(array), 1, 1))
+    return _mounted(array, lidar), np.array(array)
+
+
+def _mounted(path: Floats, lidar: Lidar) -> Floats:
+    """Sensor poses (n, 4, 4) of a robot on a planar path (n, 3)."""
+    x, y, yaw = path.T
+    robots = np.tile(np.eye(4), (len(path), 1, 1))
     robots[:, 0, 0] = robots[:, 1, 1] = np.cos(yaw)
     robots[:, 1, 0] = np.sin(yaw)
     robots[:, 0, 1] = -np.sin(yaw)
     robots[:, 0, 3], robots[:, 1, 3] = x, y
-    return robots @ lidar.mount, True
+    mounted: Floats = robots @ lidar.mount
+    return mounted
 
 
 def _is_valid(world: World, positions: Floats, *, inside_arena: bool) -> Bools:

@@ -28,8 +28,9 @@ pub use dbscan::dbscan;
 pub use error::Error;
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges, thinnest};
 pub use likelihood::{
-    BeamBlocks, Beams, Candidate, Climb, Effort, Family, Grid, LevelLines, Local, Posterior,
-    Prices, Region, Slope, Spans, carve, prism_costs, prism_ranges, sample, wall_depths,
+    BeamBlocks, Beams, Candidate, Climb, Effort, Family, Grid, LevelLines, Local, PoseBeams,
+    PoseSums, Posterior, Prices, RIGID, Region, Robust, Slope, Spans, Surroundings, carve,
+    prism_costs, prism_ranges, sample, wall_depths,
 };
 pub use neighbors::{LocalPlane, Neighbor, PointTree};
 pub use organised::{ImageSegmentation, segment_image};

@@ -9,6 +9,7 @@ mod family;
 mod lines;
 mod local;
 mod meeting;
+mod poses;
 mod sampling;
 mod student;
 
@@ -19,6 +20,7 @@ pub use costs::prism_costs;
 pub use family::Family;
 pub use lines::LevelLines;
 pub use local::{Local, Region};
+pub use poses::{PoseBeams, PoseSums, RIGID, Robust, Surroundings};
 pub use sampling::{Effort, Posterior, sample};
 
 use crate::instructions::widest;

@@ -17,6 +17,7 @@ mod lines;
 mod neighbors;
 mod outlines;
 mod planes;
+mod poses;
 mod tables;
 
 use pyo3::prelude::*;
@@ -41,6 +42,8 @@ mod _primfit {
     use crate::outlines::{outlines, thinned};
     #[pymodule_export]
     use crate::planes::{fit_plane, fit_plane_to_ranges, score_planes, segment_image, thinnest};
+    #[pymodule_export]
+    use crate::poses::PoseBeams;
     #[pymodule_export]
     use crate::tables::{format_rows, parse_rows, ply_bytes, ply_words};
 }
