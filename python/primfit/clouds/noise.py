@@ -8,6 +8,7 @@ from scipy.special import ndtri
 
 from primfit import _primfit
 from primfit._check import Floats
+from primfit.geometry.decompositions import eigen_of
 from primfit.geometry.extents import extent
 from primfit.scans.scan import Scan
 
@@ -51,7 +52,7 @@ def estimate_sigma(points: Floats, directions: Floats | None, rng: np.random.Gen
             break
         neighbours = points[tree.neighbors(points[at[open_]], k)[0]]
         local = neighbours - neighbours.mean(axis=1, keepdims=True)
-        values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", local, local) / (k - 3))
+        values, vectors = eigen_of(np.einsum("nki,nkj->nij", local, local) / (k - 3))
         values = np.maximum(values, 0.0)
         flat = (values[:, 1] > _FLATNESS * values[:, 0]) & (values[:, 1] > 0.06 * values[:, 2])
         across = np.sqrt(values[:, 0])

@@ -7,6 +7,7 @@ import shapely
 
 from primfit._check import Floats, Ints
 from primfit.geometry.footprints import triangulate
+from primfit.geometry.products import dots, lengths_of, product
 from primfit.geometry.shells import FLAT, Faces, area_vectors
 
 
@@ -15,10 +16,10 @@ def check_flat(vertices: Floats, faces: Faces) -> None:
     size = np.ptp(vertices, axis=0).max()
     rounding = 8.0 * np.finfo(float).eps * np.abs(vertices).max()
     for i, (face, across) in enumerate(zip(faces, area_vectors(vertices, faces), strict=True)):
-        area = np.linalg.norm(across)
+        area = lengths_of(across)
         if area <= 1e-12 * size**2:
             raise ValueError(f"faces[{i}] must have an area, but its vertices lie on a line")
-        off = np.abs((vertices[face] - vertices[face].mean(axis=0)) @ (across / area)).max()
+        off = np.abs(dots(vertices[face] - vertices[face].mean(axis=0), across / area)).max()
         if off > FLAT * size + rounding:
             raise ValueError(f"faces[{i}] must be flat, but a vertex is {off:g} m off")
         if len(face) > 3 and not shapely.Polygon(_outline(vertices[face], across)).is_valid:
@@ -27,10 +28,10 @@ def check_flat(vertices: Floats, faces: Faces) -> None:
 
 def _outline(corners: Floats, across: Floats) -> Floats:
     """Corners (m, 2) in their own plane, counter-clockwise as seen against the vector across it."""
-    z = across / np.linalg.norm(across)
+    z = across / lengths_of(across)
     x = np.cross(np.eye(3)[np.abs(z).argmin()], z)
-    x /= np.linalg.norm(x)
-    return (corners - corners[0]) @ np.stack([x, np.cross(z, x)], axis=1)
+    x /= lengths_of(x)
+    return product(corners - corners[0], np.stack([x, np.cross(z, x)], axis=1))
 
 
 def triangles_of(vertices: Floats, faces: Faces) -> Ints:
@@ -50,7 +51,7 @@ def moments(vertices: Floats, faces: Faces) -> tuple[float, Floats]:
     a, b, c = np.moveaxis(vertices[np.concatenate(fans)], 1, 0)
     parts = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
     volume = float(parts.sum())
-    return volume, parts @ (a + b + c) / (4.0 * volume or 1.0)
+    return volume, product(parts[None], a + b + c)[0] / (4.0 * volume or 1.0)
 
 
 class FlatFaced:

@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from primfit._check import Floats, Ints, as_rows
+from primfit.geometry.products import dot, product
 
 NAMES = {3: "triangle", 4: "square", 5: "pentagon", 6: "hexagon", 7: "heptagon", 8: "octagon"}
 NAMES |= {9: "nonagon", 10: "decagon", 11: "hendecagon", 12: "dodecagon"}
@@ -78,7 +79,7 @@ def sides(footprint: Floats) -> Floats:
 def signed_area(outline: Floats) -> float:
     """Area of a closed outline: positive when it runs counter-clockwise."""
     x, y = (outline - outline[0]).T
-    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    return 0.5 * float((x * np.roll(y, -1)).sum() - (y * np.roll(x, -1)).sum())
 
 
 def area_centroid(footprint: Floats) -> Floats:
@@ -86,7 +87,7 @@ def area_centroid(footprint: Floats) -> Floats:
     local = footprint - footprint[0]
     following = np.roll(local, -1, axis=0)
     weight = local[:, 0] * following[:, 1] - local[:, 1] * following[:, 0]
-    mean: Floats = weight @ (local + following) / (3.0 * weight.sum())
+    mean: Floats = product(weight[None], local + following)[0] / (3.0 * weight.sum())
     return footprint[0] + mean
 
 
@@ -132,7 +133,7 @@ def kind_of(footprint: Floats, tolerance: float = TOLERANCE) -> str:
         return regular_name(n)
     if n == 4 and order == 2:
         a, b = sides(footprint)[:2]
-        square_corner = abs(a @ b) <= tolerance * np.linalg.norm(a) * np.linalg.norm(b)
+        square_corner = abs(dot(a, b)) <= tolerance * np.hypot(*a) * np.hypot(*b)
         return "rectangle" if square_corner else "polygon"
     if n >= 6 and 2 * order == n and _is_mirrored(footprint, tolerance):
         return "star"

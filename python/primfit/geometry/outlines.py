@@ -8,6 +8,7 @@ import numpy as np
 
 from primfit._check import Floats
 from primfit.geometry import footprints
+from primfit.geometry.products import product
 
 _EQUAL = 0.02
 """Relative difference of sides of a noisy polygon that still counts as equal."""
@@ -58,5 +59,5 @@ def free_polygon(vertices: Floats, covariance: Floats) -> Outline:
         footprint=footprint,
         angle=angle,
         size=footprints.size_of(footprint, "polygon"),
-        covariance=jacobian @ covariance @ jacobian.T,
+        covariance=product(product(jacobian, covariance), jacobian.T),
     )

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from primfit._check import Floats, Ints
 from primfit.geometry import footprints
 from primfit.geometry.footprints import TOLERANCE
+from primfit.geometry.products import lengths_of, product
 from primfit.geometry.shells import Faces, Shell, area_vectors
 
 
@@ -57,7 +58,7 @@ def shape_of(vertices: Floats, faces: Faces, tolerance: float = TOLERANCE) -> Sh
     flags, frames = _candidates(vertices, faces, shell, bases, scale * tolerance)
     walks = [shell.walk(int(flag)) for flag in flags]
     words = [
-        np.append(pattern.ravel(), (vertices[shell.start[order]] @ frame / scale).ravel())
+        np.append(pattern.ravel(), (product(vertices[shell.start[order]], frame) / scale).ravel())
         for (order, pattern), frame in zip(walks, frames, strict=True)
     ]
     last = words[0]
@@ -68,7 +69,7 @@ def shape_of(vertices: Floats, faces: Faces, tolerance: float = TOLERANCE) -> Sh
     rotations = frames[[np.abs(word - last).max() <= tolerance for word in words]]
     turns = np.rint(Rotation.from_matrix(rotations).magnitude() / tolerance)
     rotations = rotations[np.argsort(turns, kind="stable")]
-    own = vertices @ rotations[0]
+    own = product(vertices, rotations[0])
     is_box = kind in ("box", "cube")
     # Half of the vertices of a box are on either side: their mean is less noisy than the extremes.
     extents = np.sort(2.0 * np.abs(own).mean(axis=0) if is_box else np.ptp(own, axis=0))[::-1]
@@ -98,7 +99,7 @@ def _candidates(
     frames = np.stack([x, np.cross(z, x), z], axis=2)
     perimeters = np.array(
         [
-            np.ptp(vertices[faces[face]] @ frame, axis=0).sum()
+            np.ptp(product(vertices[faces[face]], frame), axis=0).sum()
             for face, frame in zip(shell.face[flags], frames, strict=True)
         ]
     )
@@ -116,10 +117,10 @@ def _kind(
     footprint = None
     for i, j, ratio, shift in _pairs_of_bases(vertices, faces, scale * tolerance):
         normal = area_vectors(vertices, faces[i : i + 1])[0]
-        normal /= np.linalg.norm(normal)
+        normal /= lengths_of(normal)
         if abs(ratio - 1.0) > tolerance:
             found.setdefault("frustum", []).append(i if ratio < 1.0 else j)
-        elif np.linalg.norm(np.cross(shift, normal)) > tolerance * scale:
+        elif lengths_of(np.cross(shift, normal)) > tolerance * scale:
             found.setdefault("oblique", []).extend((i, j))
         else:
             base = footprints.kind_of(_in_plane(vertices[faces[i]], normal), tolerance)
@@ -153,8 +154,8 @@ def _name(found: dict[str, list[int]], vertices: Floats, faces: Faces) -> tuple[
 def _in_plane(corners: Floats, normal: Floats) -> Floats:
     """Corners (m, 2) of a face in its own plane, counter-clockwise as seen against the normal."""
     side = corners[1] - corners[0]
-    x = side / np.linalg.norm(side)
-    return (corners - corners[0]) @ np.stack([x, np.cross(normal, x)], axis=1)
+    x = side / lengths_of(side)
+    return product(corners - corners[0], np.stack([x, np.cross(normal, x)], axis=1))
 
 
 def _pairs_of_bases(

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from primfit._check import Floats, Ints
+from primfit.geometry.products import dot, dots
 
 Faces = tuple[Ints, ...]
 
@@ -162,8 +163,8 @@ def merged(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
         if group[i] == group[j]:
             continue
         # The neighbour's vertices lie in the plane of the face, and it looks the same way.
-        off = (vertices[faces[j]] - vertices[faces[i][0]]) @ normals[i]
-        if normals[i] @ normals[j] > 0.0 and np.abs(off).max() <= FLAT * size:
+        off = dots(vertices[faces[j]] - vertices[faces[i][0]], normals[i])
+        if dot(normals[i], normals[j]) > 0.0 and np.abs(off).max() <= FLAT * size:
             group[group == group[j]] = group[i]
     inner = group[shell.face] == group[shell.face[shell.twin]]
     result: list[Ints] = []

@@ -9,8 +9,10 @@ from scipy.optimize import least_squares
 
 from primfit._check import Floats
 from primfit.geometry import footprints
+from primfit.geometry.decompositions import inverse_of, root_of
 from primfit.geometry.footprints import regular_name, sides
 from primfit.geometry.outlines import Outline, free_polygon
+from primfit.geometry.products import dot, dots, product
 from primfit.paper.topology import Cycle
 
 _Template = Callable[[Floats], Floats]
@@ -29,16 +31,16 @@ def classify(cycle: Cycle, slack: float = 0.0) -> Outline:
     n = len(vertices)
     # Correlated vertices become independent residuals; rounding sets the least deviation.
     rounding = (1e-9 * np.ptp(vertices, axis=0).max()) ** 2
-    whiten = np.linalg.inv(np.linalg.cholesky(covariance + rounding * np.eye(2 * n)))
+    whiten = inverse_of(root_of(covariance + rounding * np.eye(2 * n)))
     best: Outline | None = None
     best_cost = 2.0 * n * np.log(n_points)
     for kind, template, start in _templates(vertices):
 
         def residuals(p: Floats, template: _Template = template) -> Floats:
-            return whiten @ (template(p) - vertices).ravel()
+            return dots(whiten, (template(p) - vertices).ravel())
 
         solution = least_squares(residuals, start, x_scale="jac", method="lm")
-        cost = 2.0 * float(solution.cost) + len(start) * np.log(n_points)
+        cost = dot(solution.fun, solution.fun) + len(start) * np.log(n_points)
         if cost < best_cost:
             best_cost = cost
             footprint = footprints.clean_footprint(template(solution.x))
@@ -48,7 +50,7 @@ def classify(cycle: Cycle, slack: float = 0.0) -> Outline:
                 footprint=footprint,
                 angle=footprints.angle_of(footprint, kind),
                 size=float(size[0]) if len(size) == 1 else (float(size[0]), float(size[1])),
-                covariance=np.linalg.inv(solution.jac.T @ solution.jac),
+                covariance=inverse_of(product(solution.jac.T, solution.jac)),
             )
     return best or free_polygon(vertices, covariance)
 
@@ -65,7 +67,7 @@ def _templates(vertices: Floats) -> list[tuple[str, _Template, Floats]]:
 
     def turn(local: Floats) -> float:
         """Angle of `vertices` to a template at angle zero."""
-        return float(np.angle(np.vdot(local[:, 0] + 1j * local[:, 1], z)))
+        return float(np.angle(((local[:, 0] - 1j * local[:, 1]) * z).sum()))
 
     lengths = np.linalg.norm(sides(vertices), axis=1)
     origin = np.zeros(2)
@@ -119,11 +121,11 @@ def vertex_covariance(cycle: Cycle) -> Floats:
         planes[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = model.covariance[horizontal] / scale**2
     for k, vertex in enumerate(cycle.vertices):
         lines = (k - 1) % n, k
-        inverse = np.linalg.inv([cycle.walls[line].line[:2] for line in lines])
+        inverse = inverse_of(np.array([cycle.walls[line].line[:2] for line in lines]))
         for row, line in enumerate(lines):
             change = cycle.walls[line].side * np.outer(inverse[:, row], [*vertex, 1.0])
             jacobian[2 * k : 2 * k + 2, 3 * line : 3 * line + 3] -= change
-    return jacobian @ planes @ jacobian.T
+    return product(product(jacobian, planes), jacobian.T)
 
 
 def classify_by_sides(vertices: Floats, tolerance: float) -> Outline:

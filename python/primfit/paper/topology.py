@@ -20,6 +20,7 @@ from scipy.optimize import linear_sum_assignment
 
 from primfit._check import Floats
 from primfit.geometry.footprints import signed_area
+from primfit.geometry.products import dot, dots
 from primfit.planes.passages import MOST_PASSING, passages
 from primfit.planes.peeling import Patch
 from primfit.planes.ransac import NoisyPoints, Orientation, fit
@@ -79,7 +80,7 @@ class Wall:
             return cls(number, patch, float(patch.low[0]), float(patch.high[0]), None)
         at = passages(scan, patch.model.equation, patch.axes, cloud.typical_sigma)
         passed = np.sort(at[at[:, 1] <= patch.high[1], 0])
-        hits = cloud.take(patch.inliers).feet(patch.model.equation) @ patch.axes[0]
+        hits = dots(cloud.take(patch.inliers).feet(patch.model.equation), patch.axes[0])
         low, high = _dense_run(hits, passed)
         over = at[(at[:, 0] >= low) & (at[:, 0] <= high) & (at[:, 1] > patch.high[1]), 1]
         return cls(number, patch, low, high, passed, float(over.min(initial=np.inf)))
@@ -193,7 +194,7 @@ def chain_walls(walls: list[Wall], tolerance: float) -> list[Cycle]:
             corner = _corner(wall, following)
             if corner is None or wall.plane == following.plane:
                 continue
-            here, there = float(corner @ wall.along), float(corner @ following.along)
+            here, there = dot(corner, wall.along), dot(corner, following.along)
             gaps = here - wall.end, following.start - there
             farthest = max(wall.end - wall.start, following.end - following.start, tolerance)
             if min(gaps) < -tolerance or max(gaps) > farthest:
@@ -238,10 +239,10 @@ def refine(cycle: Cycle, cloud: NoisyPoints, orientation: Orientation) -> Cycle:
         has_settled = True
         for k, wall in enumerate(cycle.walls):
             following = cycle.vertices[(k + 1) % len(cycle.vertices)]
-            ends = sorted((cycle.vertices[k] @ wall.along, following @ wall.along))
+            ends = sorted((dot(cycle.vertices[k], wall.along), dot(following, wall.along)))
             equation = wall.patch.model.equation
             near = np.flatnonzero(np.abs(cloud.residuals(equation)) <= _WIDE * cloud.limit)
-            at = cloud.take(near).feet(equation)[:, :2] @ wall.along
+            at = dots(cloud.take(near).feet(equation)[:, :2], wall.along)
             rows = near[(at >= ends[0]) & (at <= ends[1])]
             has_settled &= np.array_equal(rows, wall.patch.inliers)
             model = fit(cloud.take(rows), equation, orientation)

@@ -11,6 +11,7 @@ from primfit import _primfit
 from primfit._check import Bools, Floats, Ints
 from primfit.clouds.noise import spacing
 from primfit.geometry.extents import bounds, extent
+from primfit.geometry.products import dot, lengths_of, product
 from primfit.planes.passages import MOST_PASSING, passages
 from primfit.planes.plane import axes_of
 from primfit.planes.ransac import Nearby, NoisyPoints, Orientation, PlaneModel, find_plane, fit
@@ -58,7 +59,7 @@ class Patch:
     def of(cls, cloud: NoisyPoints, model: PlaneModel, inliers: Ints) -> Patch:
         """The patch that some points of a cloud support."""
         axes = axes_of(model.equation[:3])
-        at = cloud.take(inliers).feet(model.equation) @ axes.T
+        at = product(cloud.take(inliers).feet(model.equation), axes.T)
         return cls(model, inliers, axes, *bounds(at))
 
     @property
@@ -66,7 +67,7 @@ class Patch:
         """Corners (4, 3) of its reach, metres."""
         (a, b), (c, d) = zip(self.low, self.high, strict=True)
         offset = self.model.equation[3] * self.model.equation[:3]
-        at: Floats = np.array([[a, c], [b, c], [b, d], [a, d]]) @ self.axes - offset
+        at: Floats = product(np.array([[a, c], [b, c], [b, d], [a, d]]), self.axes) - offset
         return at
 
     @property
@@ -77,7 +78,7 @@ class Patch:
 
     def covers(self, cloud: NoisyPoints, margin: float) -> Bools:
         """Which points meet the plane within `margin` of the patch's reach."""
-        at = cloud.feet(self.model.equation) @ self.axes.T
+        at = product(cloud.feet(self.model.equation), self.axes.T)
         above, below = at >= self.low - margin, at <= self.high + margin
         return above[:, 0] & above[:, 1] & below[:, 0] & below[:, 1]
 
@@ -189,7 +190,7 @@ def _split(
     """Cut patches along their first axis where more beams pass than end on them."""
     pieces = []
     for patch in patches:
-        at = cloud.take(patch.inliers).feet(patch.model.equation) @ patch.axes.T
+        at = product(cloud.take(patch.inliers).feet(patch.model.equation), patch.axes.T)
         passed = passages(scan, patch.model.equation, patch.axes, cloud.typical_sigma)
         level = (passed[:, 1] >= patch.low[1]) & (passed[:, 1] <= patch.high[1])
         n_bins = max(1, int((patch.high[0] - patch.low[0]) / eps))
@@ -220,7 +221,7 @@ def _merge(
     while merged:
         merged = False
         normals = np.reshape([patch.model.equation[:3] for patch in patches], (-1, 3))
-        alike = np.triu(normals @ normals.T >= _LEAST_COSINE, 1)
+        alike = np.triu(product(normals, normals.T) >= _LEAST_COSINE, 1)
         for a, b in ((patches[i], patches[j]) for i, j in np.argwhere(alike)):
             if (a, b) in apart:
                 continue
@@ -239,14 +240,14 @@ def _union(
 ) -> Patch | None:
     if len(a.inliers) < len(b.inliers):
         a, b = b, a
-    other = b.corners @ a.axes.T
+    other = product(b.corners, a.axes.T)
     gap_low = np.minimum(a.high, other.max(axis=0))
     gap_high = np.maximum(a.low, other.min(axis=0))
     gap = gap_high - gap_low
     if (gap > np.maximum(a.high - a.low, b.high - b.low).max()).any():
         return None
-    between = abs(a.model.equation[:3] @ b.center + a.model.equation[3])
-    if between > 2.0 * cloud.typical_limit + _APART * np.linalg.norm(b.high - b.low):
+    between = abs(dot(a.model.equation[:3], b.center) + a.model.equation[3])
+    if between > 2.0 * cloud.typical_limit + _APART * lengths_of(b.high - b.low):
         return None
     rows = np.union1d(a.inliers, b.inliers)
     model = fit(cloud.take(rows), a.model.equation, how.orientation)

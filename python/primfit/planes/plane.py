@@ -72,11 +72,11 @@ class Plane:
         """Centre of the area within the boundary, less the holes (3,), metres."""
         axes = axes_of(self.equation[:3])
         place = self.boundary.mean(axis=0)
-        rings = [(ring - place) @ axes.T for ring in (self.boundary, *self.holes)]
+        rings = [product(ring - place, axes.T) for ring in (self.boundary, *self.holes)]
         if len(self.boundary) < 3:
             return place
         middle = shapely.Polygon(rings[0], rings[1:]).centroid
-        centroid: Floats = place + np.array([middle.x, middle.y]) @ axes
+        centroid: Floats = place + product(np.array([[middle.x, middle.y]]), axes)[0]
         return centroid
 
     def moved(self, offset: Floats) -> Plane:

@@ -11,6 +11,7 @@ from tqdm import tqdm
 from primfit._check import Ints, number
 from primfit.clouds.noise import FLOOR, estimate_sigma
 from primfit.geometry.extents import extent
+from primfit.geometry.products import product
 from primfit.planes.peeling import Patch, Peeling, find_planes
 from primfit.planes.plane import Plane, hull
 from primfit.planes.ransac import NoisyPoints, Orientation, find_plane
@@ -95,10 +96,10 @@ def bounded(
     for number_, patch in enumerate(patches):
         equation = patch.model.equation
         own = np.flatnonzero(owner == number_)
-        at = cloud.take(own).feet(equation) @ patch.axes.T
+        at = product(cloud.take(own).feet(equation), patch.axes.T)
         at = at[np.isfinite(at).all(axis=1)]
         corners, area = hull(at)
-        boundary = at[corners] @ patch.axes - equation[3] * equation[:3]
+        boundary = product(at[corners], patch.axes) - equation[3] * equation[:3]
         planes.append(
             Plane(
                 equation=equation,

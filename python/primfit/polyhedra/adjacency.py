@@ -112,13 +112,13 @@ class Face:
         return float(lengths_of(np.diff(box[:3], axis=0)).min())
 
 
-def clear_of(points: Floats, equations: Floats, rms: Floats) -> Floats:
+def clear_of(points: Floats, equations: Floats, rms: Floats, edge: float = _EDGE) -> Floats:
     """The points of a plane away from its neighbours, or all where more than half are near one.
 
-    Near an edge, neighbours take those on one side of it.
+    Near an edge, neighbours take those on one side of it: within `edge` of their deviations.
     """
     off = np.abs(product(points, equations[:, :3].T) + equations[:, 3])
-    clear = points[(off > _EDGE * rms).all(axis=1)]
+    clear = points[(off > edge * rms).all(axis=1)]
     return clear if 2 * len(clear) > len(points) else points
 
 

@@ -20,6 +20,11 @@ _BLUR = 1.5
 """Greatest deviation of points along a face over that across it: of a sensor whose errors are along
 its beams, up to an incidence of 56 degrees."""
 
+_EDGE = 3.0
+"""Deviations from the plane of another face within which points are not fitted: one in 400 of its
+points lies beyond. The turns of a box of 0.6 x 0.4 x 0.3 m with 10 mm of noise had deviations of
+3.91, 3.18 and 3.35 mrad with 4, of 3.55, 3.13 and 3.06 with 3, and no less with 2."""
+
 _STEPS = 100
 """Most steps to the best turn; ten are enough but where faces are as thick as they are wide."""
 
@@ -94,6 +99,15 @@ def fit_box(planes: Iterable[Plane], points: PointsLike) -> BoxFit:
     ------
     ValueError
         When the planes are fewer, all parallel, or two would be one face.
+
+    Notes
+    -----
+    Sizes are along the box's own axes. Its turn is told by the distances of points to their faces
+    alone. Rims of length L, with d**-2 points a square metre, tell the turn about a face's normal
+    only to about 7 d**2 / L**2, even where they are sharp: less than the planes do, unless the
+    noise is more than twice the spacing d. Along other axes than its own the box is longer by what
+    it is turned too far, whichever way: of 0.6 x 0.4 x 0.3 m, three faces, 2000 points a m2 and
+    10 mm of noise, by 2 to 3 mm.
 
     Examples
     --------
@@ -193,7 +207,7 @@ def _clear(normals: Floats, clouds: list[Floats]) -> list[Floats]:
     rms = np.array([float(each.std()) for each in offsets])
     others = ~np.eye(len(clouds), dtype=bool)
     return [
-        clear_of(own, equations[other], rms[other])
+        clear_of(own, equations[other], rms[other], _EDGE)
         for own, other in zip(clouds, others, strict=True)
     ]
 

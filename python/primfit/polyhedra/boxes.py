@@ -10,7 +10,8 @@ import shapely
 from scipy.spatial import cKDTree
 
 from primfit._check import Floats
-from primfit.geometry.products import dots, lengths_of, product
+from primfit.geometry.decompositions import inverse_of
+from primfit.geometry.products import dot, dots, lengths_of, product
 from primfit.polyhedra.adjacency import OPEN, Face
 from primfit.polyhedra.box_fit import box_through
 from primfit.polyhedra.found import FoundPolyhedron
@@ -110,8 +111,8 @@ def _box_of(
 def _is_corner(one: Face, two: Face, facing: bool) -> bool:
     """Whether faces are nearly at right angles, the second behind the first where that is known."""
     normal = one.equation[:3]
-    is_behind = two.boundary.mean(axis=0) @ normal + one.equation[3] < 0.0
-    return bool(is_behind or not facing) and abs(normal @ two.equation[:3]) <= np.sin(_BENT)
+    is_behind = dot(two.boundary.mean(axis=0), normal) + one.equation[3] < 0.0
+    return bool(is_behind or not facing) and abs(dot(normal, two.equation[:3])) <= np.sin(_BENT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,8 +163,8 @@ class _Box:
         found = {}
         for plane in sorted(planes.difference(self.seen.values())):
             normal = faces[plane].equation[:3]
-            axis = int(np.abs(self.frame @ normal).argmax())
-            if abs(self.frame[axis] @ normal) < np.cos(_BENT):
+            axis = int(np.abs(dots(self.frame, normal)).argmax())
+            if abs(dot(self.frame[axis], normal)) < np.cos(_BENT):
                 continue
             off = np.abs(self._place(axis, faces[plane].equation) - self.ends[:, axis])
             number = 2 * axis + int(off.argmin())
@@ -173,13 +174,13 @@ class _Box:
 
     def _place(self, axis: int, equation: Floats) -> float:
         """Where the axis of the box goes through a plane."""
-        middle = self.ends.mean(axis=0) @ self.frame
-        along = (middle @ equation[:3] + equation[3]) / (self.frame[axis] @ equation[:3])
-        return float(middle @ self.frame[axis] - along)
+        middle = product(self.ends.mean(axis=0)[None], self.frame)[0]
+        along = (dot(middle, equation[:3]) + equation[3]) / dot(self.frame[axis], equation[:3])
+        return float(dot(middle, self.frame[axis]) - along)
 
     @property
     def vertices(self) -> Floats:
-        return self.ends[_CORNERS, np.arange(3)] @ self.frame
+        return product(self.ends[_CORNERS, np.arange(3)], self.frame)
 
     def is_there(self, faces: list[Face], facing: bool) -> bool:
         """Whether what was seen fills its faces, and there is a solid behind them."""
@@ -188,13 +189,13 @@ class _Box:
             return False
         for number, plane in self.seen.items():
             outward = self.frame[number // 2] * (2 * (number % 2) - 1)
-            if facing and outward @ faces[plane].equation[:3] < 0.0:
+            if facing and dot(outward, faces[plane].equation[:3]) < 0.0:
                 return False
             if not self._is_filled(number, faces[plane]):
                 return False
         own = [faces[plane] for plane in self.seen.values()]
         normals = np.stack([face.equation[:3] for face in own])
-        off = np.abs(normals @ self.frame.T).max(axis=1).min()
+        off = np.abs(product(normals, self.frame.T)).max(axis=1).min()
         return bool(off >= np.cos(_STRAIGHT)) or _is_bent(own)
 
     def pieces(self, planes: set[int], faces: list[Face], near: float) -> set[int]:
@@ -246,7 +247,7 @@ class _Box:
         return beyond.area > (1.0 - _FILLED) * outline.area
 
     def _outline(self, number: int, face: Face) -> shapely.Polygon:
-        return shapely.Polygon(self.vertices[_AROUND[number]] @ face.axes)
+        return shapely.Polygon(product(self.vertices[_AROUND[number]], face.axes))
 
     def found(self, faces: list[Face]) -> FoundPolyhedron:
         """The box as what it is called, and how well it is known."""
@@ -259,7 +260,7 @@ class _Box:
         grows = (_CORNERS - 0.5)[:, None] * self.frame.T
         moves = np.concatenate([np.tile(np.eye(3), (8, 1, 1)), turns, grows], axis=2)
         moves = moves.reshape(24, 9)
-        spread = moves @ self._covariance(faces) @ moves.T
+        spread = product(product(moves, self._covariance(faces)), moves.T)
         return found_solid(solid, spread, planes, [k in self.seen for k in numbers])
 
     def _covariance(self, faces: list[Face]) -> Floats:
@@ -272,17 +273,17 @@ class _Box:
         seen = {number: faces[plane] for number, plane in self.seen.items()}
         for number, face in seen.items():
             rows = self._rows(number, face.points)
-            off = face.points @ self.frame[number // 2] - self.ends[number % 2, number // 2]
+            off = dots(face.points, self.frame[number // 2]) - self.ends[number % 2, number // 2]
             variance = max(face.rms, _EXACT * face.reach) ** 2
-            misfit += float(off @ off) / variance - len(off)
-            told += rows.T @ rows / variance
+            misfit += float((off**2).sum()) / variance - len(off)
+            told += product(rows.T, rows) / variance
         told /= max(1.0, misfit / (2 * len(seen) - 3))
         for number in set(range(6)).difference(seen):
             ending = [face.reach for other, face in seen.items() if other // 2 != number // 2]
             middle = self.vertices[_AROUND[number]].mean(axis=0)
             rows = self._rows(number, middle[None])
-            told += rows.T @ rows / (min(ending) / 3.0) ** 2
-        return np.asarray(np.linalg.inv(told), dtype=np.float64)
+            told += product(rows.T, rows) / (min(ending) / 3.0) ** 2
+        return inverse_of(told)
 
     def _rows(self, number: int, points: Floats) -> Floats:
         """How the distances of points to a face follow centre, rotation and sizes (n, 9)."""
@@ -298,8 +299,8 @@ def _is_bent(faces: list[Face]) -> bool:
     """Whether points next to each other err alike, as those of depth images do."""
     residuals, nearest = [], []
     for face in faces:
-        off = face.points @ face.equation[:3] + face.equation[3]
-        flat = face.points @ face.axes
+        off = dots(face.points, face.equation[:3]) + face.equation[3]
+        flat = product(face.points, face.axes)
         _, pairs = cKDTree(flat).query(flat, k=2)
         residuals.append(off)
         nearest.append(off[pairs[:, 1]])

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from primfit._check import Floats, Ints
+from primfit.geometry.products import dots, product
 from primfit.polyhedra.adjacency import OPEN, Face, clear_of
 from primfit.polyhedra.convex import convex_corners
 from primfit.polyhedra.found import FoundPolyhedron
@@ -99,7 +100,7 @@ def _seen_scatter(i: int, faces: list[Face], graph: nx.Graph) -> Floats:
 def _is_convex(group: list[int], faces: list[Face], points: Floats) -> bool:
     """Whether all outlines lie on one side of each face."""
     for face in (faces[i] for i in group):
-        off = points @ face.equation[:3] + face.equation[3]
+        off = dots(points, face.equation[:3]) + face.equation[3]
         if off.max() > face.reach and off.min() < -face.reach:
             return False
     return True
@@ -117,7 +118,7 @@ def _planes_beyond(group: list[int], faces: list[Face], graph: nx.Graph) -> list
     planes = []
     for plane in sorted({side.neighbor for side in ends} - {OPEN, *group}):
         equation = faces[plane].equation
-        off = np.concatenate([side.samples @ equation[:3] + equation[3] for side in ends])
+        off = np.concatenate([dots(side.samples, equation[:3]) + equation[3] for side in ends])
         if np.mean(np.abs(off) <= unit) >= _ENDS:
             planes.append(plane)
     return planes
@@ -169,7 +170,7 @@ def _solid(
     scatters = np.stack([bound.scatter for bound in bounds])
     vertices, spread = fitted_together(equations, scatters, corners)
     for i, corner in zip(group, corners, strict=False):
-        flat = shapely.points(vertices[corner] @ faces[i].axes)
+        flat = shapely.points(product(vertices[corner], faces[i].axes))
         if (shapely.distance(faces[i].polygon, flat) > _OFF * faces[i].reach).any():
             return None
     extent = float(np.ptp(vertices, axis=0).max())

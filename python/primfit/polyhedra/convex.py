@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import HalfspaceIntersection, QhullError
 
 from primfit._check import Floats, Ints
+from primfit.geometry.products import dots, lengths_of, product
 from primfit.planes.plane import axes_of
 
 _FAR = 10.0
@@ -30,10 +31,10 @@ def convex_corners(equations: Floats, points: Floats, shortest: float) -> list[I
     shortest : float, metres
     """
     inside = points.mean(axis=0)
-    outward = equations * -np.sign(equations[:, :3] @ inside + equations[:, 3])[:, None]
+    outward = equations * -np.sign(dots(equations[:, :3], inside) + equations[:, 3])[:, None]
     normals = np.vstack([outward[:, :3], np.eye(3), -np.eye(3)])
     far = _FAR * float(np.ptp(points, axis=0).max())
-    offsets = np.append(outward[:, :3] @ inside + outward[:, 3], np.full(6, -far))
+    offsets = np.append(dots(outward[:, :3], inside) + outward[:, 3], np.full(6, -far))
     try:
         cut = HalfspaceIntersection(np.column_stack([normals, offsets]), np.zeros(3))
     except QhullError:
@@ -48,7 +49,7 @@ def convex_corners(equations: Floats, points: Floats, shortest: float) -> list[I
         (a, b)
         for a, b in combinations(range(len(met)), 2)
         if len(met[a] & met[b]) >= 2
-        and np.linalg.norm(cut.intersections[a] - cut.intersections[b]) < shortest
+        and lengths_of(cut.intersections[a] - cut.intersections[b]) < shortest
     )
     corners = [sorted(each) for each in nx.connected_components(near)]
     places = np.stack([cut.intersections[each].mean(axis=0) for each in corners])
@@ -59,6 +60,6 @@ def convex_corners(equations: Floats, points: Floats, shortest: float) -> list[I
         if len(own) < 3:
             return None
         arms = places[own] - places[own].mean(axis=0)
-        x, y = axes_of(normal) @ arms.T
+        x, y = product(axes_of(normal), arms.T)
         faces.append(own[np.argsort(np.arctan2(y, x))])
     return faces

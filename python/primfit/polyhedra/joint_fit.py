@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from primfit._check import Floats, Ints
+from primfit.geometry.decompositions import eliminated
+from primfit.geometry.products import dots, lengths_of, product
+
+_RANK = 1e-14
+"""Pivot over the largest entry below which a constraint follows from others, to rounding."""
 
 
 def scatter_of(points: Floats, sigma: float) -> Floats:
     """Sum of squared distances to a plane, over sigma, as a form (4, 4) of its equation."""
     rows = np.column_stack([points, np.ones(len(points))])
-    return rows.T @ rows / sigma**2
+    return product(rows.T, rows) / sigma**2
 
 
 def fitted_together(
@@ -28,7 +33,8 @@ def fitted_together(
     vertices = np.zeros((n_vertices, 3))
     for v in range(n_vertices):
         met = equations[face[corner == v]]
-        vertices[v] = np.linalg.lstsq(met[:, :3], -met[:, 3], rcond=None)[0]
+        form = product(met.T, met)
+        vertices[v] = eliminated(form[:3, :3], -form[:3, 3:], _RANK)[:, 0]
     n_free, n_meet = 4 * n_planes + 3 * n_vertices, len(face)
     unit = np.trace(scatters[0])
     rows, planes = np.arange(n_meet), np.arange(n_planes)
@@ -44,16 +50,16 @@ def fitted_together(
         for k, (equation, scatter) in enumerate(zip(equations, scatters, strict=True)):
             block = slice(4 * k, 4 * k + 4)
             system[block, block] = scatter / unit
-            target[block] = -system[block, block] @ equation
+            target[block] = -dots(system[block, block], equation)
         system[n_free:, :n_free], system[:n_free, n_free:] = jacobian, jacobian.T
         misfit = np.einsum("ij,ij->i", equations[face, :3], vertices[corner]) + equations[face, 3]
         target[n_free : n_free + n_meet] = -misfit
-        step = np.linalg.lstsq(system, target, rcond=1e-14)[0]
+        step = eliminated(system, target[:, None], _RANK)[:, 0]
         equations = equations + step[: 4 * n_planes].reshape(-1, 4)
-        equations /= np.linalg.norm(equations[:, :3], axis=1, keepdims=True)
+        equations /= lengths_of(equations[:, :3])[:, None]
         vertices = vertices + step[4 * n_planes : n_free].reshape(-1, 3)
         if max(np.abs(misfit).max(), np.abs(step[:n_free]).max()) <= 1e-11 * np.abs(vertices).max():
             break
     moving = slice(4 * n_planes, n_free)
-    covariance: Floats = np.linalg.pinv(system, rcond=1e-14, hermitian=True)[moving, moving] / unit
-    return vertices, covariance
+    units = np.eye(len(system))[:, moving]
+    return vertices, eliminated(system, units, _RANK)[moving] / unit

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from primfit._check import Floats
+from primfit.geometry.products import product
 from primfit.geometry.shapes import Shape, shape_of
 from primfit.polyhedra.found import EQUAL, FoundPolyhedron
 from primfit.worlds.polyhedron import Polyhedron
@@ -81,4 +82,4 @@ def _covariance(solid: Polyhedron, shape: Shape, spread: Floats, tolerance: floa
         turned = turns[int(turns.magnitude().argmin())].as_rotvec()
         columns.append(np.concatenate([step * move.mean(axis=0), turned, sizes]) / step)
     jacobian = np.column_stack(columns)
-    return jacobian @ spread @ jacobian.T
+    return product(product(jacobian, spread), jacobian.T)

@@ -8,6 +8,7 @@ import networkx as nx
 import numpy as np
 
 from primfit._check import Floats, Ints
+from primfit.geometry.products import dot
 from primfit.polyhedra.adjacency import OPEN, Face, Side
 
 _CORNER = 1.5
@@ -206,7 +207,7 @@ def _runs_alike(faces: list[Face], i: int, j: int) -> bool:
     one, two = (
         next(side for side in faces[a].sides if side.neighbor == b) for a, b in ((i, j), (j, i))
     )
-    return bool(one.along @ two.along > 0.0)
+    return bool(dot(one.along, two.along) > 0.0)
 
 
 def _rims_joined(i: int, sides: list[Side], graph: nx.Graph) -> list[Side]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from primfit._check import Bools, Floats, Ints
+from primfit.geometry.decompositions import eigen_of
 from primfit.polyhedra.adjacency import OPEN
 
 _STRETCH, _PLANE = 40.0, 20.0
@@ -114,7 +115,7 @@ class _Stretches:
         count = moments[..., 3, 3]
         mean = moments[..., :3, 3] / count[..., None]
         scatter = moments[..., :3, :3] - mean[..., :, None] * moments[..., 3, None, :3]
-        values, vectors = np.linalg.eigh(scatter)
+        values, vectors = eigen_of(scatter)
         normal = vectors[..., 0]
         offset = -np.einsum("...i,...i->...", normal, mean)
         told = (values[..., 1] > count * unit**2) & self._is_aside(first, last, normal, seen)
@@ -124,7 +125,7 @@ class _Stretches:
     def along(self, first: Ints, last: Ints, equation: Floats, seen: Floats, unit: float) -> Floats:
         """Cost of a known plane, from which all samples may be as far away as one may be."""
         moments = self.moments[last] - self.moments[first]
-        mean = moments[..., 3] @ equation / moments[..., 3, 3]
+        mean = np.einsum("...i,i->...", moments[..., 3], equation) / moments[..., 3, 3]
         squares = np.einsum("i,...ij,j->...", equation, moments, equation)
         squares -= moments[..., 3, 3] * mean**2
         normal = np.broadcast_to(equation[:3], (*first.shape, 3))
@@ -134,7 +135,7 @@ class _Stretches:
     def _is_aside(self, first: Ints, last: Ints, normal: Floats, seen: Floats) -> Bools:
         """Whether planes stand off those of the faces along whose rim they are."""
         along = self.owned[last] > self.owned[first]
-        cosine = np.abs(normal @ seen[:, :3].T)
+        cosine = np.abs(np.einsum("...i,ki->...k", normal, seen[:, :3]))
         return (~along | (cosine <= np.sqrt(1.0 - _ASIDE**2))).all(axis=-1)
 
 

@@ -204,7 +204,7 @@ def _mounted(path: Floats, lidar: Lidar) -> Floats:
     robots[:, 1, 0] = np.sin(yaw)
     robots[:, 0, 1] = -np.sin(yaw)
     robots[:, 0, 3], robots[:, 1, 3] = x, y
-    mounted: Floats = robots @ lidar.mount
+    mounted: Floats = np.einsum("nij,jk->nik", robots, lidar.mount)
     return mounted
 
 

@@ -27,6 +27,7 @@ from primfit.geometry import shells
 from primfit.geometry.extrusions import prism_faces
 from primfit.geometry.faces import FlatFaced, check_flat, moments, triangles_of, winding_number
 from primfit.geometry.footprints import angle_of, clean_footprint, regular_footprint
+from primfit.geometry.products import product
 from primfit.geometry.shapes import Shape, shape_of
 from primfit.geometry.shells import FLAT
 
@@ -180,7 +181,9 @@ class Polyhedron(FlatFaced):
         quaternion = as_vector("quat_xyzw", quat, 4)
         if not quaternion.any():
             raise ValueError("quat_xyzw must not be zero")
-        turned = (vertices - vertices.mean(axis=0)) @ Rotation.from_quat(quaternion).as_matrix().T
+        turned = product(
+            vertices - vertices.mean(axis=0), Rotation.from_quat(quaternion).as_matrix().T
+        )
         if center is None:
             return cls(turned - [0.0, 0.0, turned[:, 2].min()], tuple(faces))
         return cls(turned + as_vector("center", center, 3), tuple(faces))
@@ -223,7 +226,7 @@ class Polyhedron(FlatFaced):
     def symmetry(self) -> Floats:
         """Turns (s, 3, 3) about the centroid that lay the solid onto itself; the first is none."""
         rotations = self._shape.rotations
-        return rotations[0] @ rotations.transpose(0, 2, 1)
+        return np.einsum("ij,skj->sik", rotations[0], rotations)
 
     @property
     def footprint(self) -> Floats | None:
