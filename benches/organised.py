@@ -6,7 +6,7 @@
     python benches/organised.py --bare       with the path of clouds without an image beside each
 
 PRIMFIT_DATA names the folder of the recorded clouds. CPU seconds are those of the call on one thread,
-outlines included, the least of three; peers get the points that are finite. The truth of rooms is that
+without outlines, which nobody asks for here, the least of three; peers get the points that are finite. The truth of rooms is that
 of each part of a face that touches in the image, of at least 100 beams.
 """
 

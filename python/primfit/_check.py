@@ -42,8 +42,8 @@ def as_rows(
 
 def check_within(name: str, array: Floats, most: float = MOST_COORDINATE) -> None:
     """Refuse finite numbers that are larger than `most`, and say where the first is."""
-    is_large = (np.abs(array) > most) & np.isfinite(array)
-    if is_large.any():
+    is_large = np.abs(array) > most
+    if is_large.any() and (is_large := is_large & np.isfinite(array)).any():
         row = int(np.argmax(is_large.any(axis=1)))
         raise ValueError(
             f"{name} must be within {most:g} m, but row {row} is {array[row].tolist()}: float64 "

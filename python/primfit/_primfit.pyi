@@ -13,9 +13,11 @@ __all__ = [
     "RayCaster",
     "carve",
     "dbscan",
+    "fit_parts",
     "fit_plane",
     "fit_plane_to_ranges",
     "format_rows",
+    "laid_out",
     "parse_rows",
     "passages",
     "ply_bytes",
@@ -24,7 +26,7 @@ __all__ = [
     "sample",
     "score_planes",
     "segment_image",
-    "thinnest",
+    "thinned",
     "turned",
 ]
 
@@ -215,6 +217,19 @@ def carve(
     n_jobs: int | None = None,
 ) -> NDArray[np.uint32]: ...
 def dbscan(points: NDArray[np.float64], eps: float, min_samples: int) -> NDArray[np.int64]: ...
+def fit_parts(
+    points: NDArray[np.float64],
+    directions: NDArray[np.float64] | None,
+    labels: NDArray[np.int64],
+    sigma: NDArray[np.float64],
+    normal_space: NDArray[np.float64],
+    axis: Sequence[float] | NDArray[np.float64],
+    cosines: tuple[float, float],
+    limit: float | None = None,
+    n_jobs: int | None = None,
+) -> list[
+    tuple[tuple[NDArray[np.float64], NDArray[np.float64], float], float, NDArray[np.int64]] | None
+]: ...
 def fit_plane(
     points: NDArray[np.float64], weights: NDArray[np.float64], normal_space: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None: ...
@@ -225,6 +240,12 @@ def fit_plane_to_ranges(
     equation: Sequence[float] | NDArray[np.float64],
     normal_space: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None: ...
+def laid_out(
+    points: NDArray[np.float64],
+    numbers: NDArray[np.int64],
+    equation: Sequence[float] | NDArray[np.float64],
+    axes: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def passages(
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
@@ -287,5 +308,4 @@ def segment_image(
     n_jobs: int | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]: ...
 def thinned(points: NDArray[np.float64]) -> NDArray[np.float64]: ...
-def thinnest(points: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def turned(poses: NDArray[np.float64], beams: NDArray[np.float64]) -> NDArray[np.float64]: ...

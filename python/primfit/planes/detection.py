@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,24 +11,16 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from primfit import _primfit
-from primfit._check import Bools, Floats, Ints, generator, integer, n_jobs_or_none, number
+from primfit._check import Floats, generator, integer, n_jobs_or_none, number
 from primfit.clouds.foreign import PointsLike
-from primfit.clouds.noise import FLOOR
-from primfit.geometry.products import dot, dots
 from primfit.planes.organised import image_of, image_parts
 from primfit.planes.outlines import Outlines
 from primfit.planes.plane import Plane, Planes
-from primfit.planes.ransac import NoisyPoints, Orientation, PlaneModel, fit
+from primfit.planes.ransac import Orientation
 from primfit.planes.scan_planes import SIGMAS, Progress, check_enough
 from primfit.planes.surfaces import flat_parts
 from primfit.scans.recorded import as_scan
 from primfit.scans.scan import Scan, as_sigma
-
-_REACH = 4.0
-"""Standard deviations within which a plane takes points that lie amid its own."""
-
-_WORSE = 1.5
-"""How much farther from the wanted plane than from its own the points of a part may lie."""
 
 
 def detect_planes(
@@ -51,8 +43,8 @@ def detect_planes(
     `primfit.planes.surfaces`). Curved surfaces and scattered points stay without a plane. Coplanar
     parts with a gap between them are planes of their own.
 
-    An organised cloud, of at least 8 rows and columns, has a path of its own, about ten times as
-    fast: its image tells which points are neighbours (see `primfit.planes.organised`). It is one as
+    An organised cloud, of at least 8 rows and columns, has a faster path of its own: its image
+    tells which points are neighbours (see `primfit.planes.organised`). It is one as
     (h, w, 3), which `points_of_depth` gives, as a `Cloud` with a shape, which `read_cloud` makes of
     a PCD file of several rows, or as a `Scan` of a single pose with layers and columns. There,
     parts of a plane that do not touch in the image, since something in front hides what is between,
@@ -120,60 +112,69 @@ def detect_planes(
     limit = None if threshold is None else number("threshold", threshold, above=0.0)
     least = 3 if min_points is None else integer("min_points", min_points, low=3)
     n_jobs = n_jobs_or_none(n_jobs)
-    noise = None if given is None else np.broadcast_to(np.asarray(given, float), len(scan))[returns]
-    if limit is not None:
-        noise = np.full(n_returns, limit / SIGMAS)
-    if noise is not None and not noise.any():
-        noise = None
-    cloud = scan.points if n_returns == len(scan) else scan.points[returns]
-    rows = np.flatnonzero(returns)
+    noise = given if limit is None else limit / SIGMAS
+    if noise is not None:
+        noise = np.array(np.broadcast_to(np.asarray(noise, dtype=float), len(scan)))
+        if not noise[returns].any():
+            noise = None
+    cloud = np.ascontiguousarray(scan.points)
     image = image_of(scan)
-    if image is None:
+    if image is not None:
+        parts = image_parts(cloud, image, noise, n_jobs)
+    elif n_returns == len(scan):
         parts = flat_parts(cloud, noise, n_jobs)
     else:
-        parts = image_parts(scan.points, image, _spread_out(noise, returns), n_jobs).select(rows)
-    directions = np.ascontiguousarray(scan.directions[rows]) if scan.has_origins else None
-    members = _members(parts.labels, parts.order)
+        own = None if noise is None else noise[returns]
+        parts = flat_parts(cloud[returns], own, n_jobs).among(returns)
+    # Sums and outlines take the points in an order that does not depend on that of the rows.
+    order = parts.order
+    is_sorted = len(order) == len(scan) and np.array_equal(order, np.arange(len(order)))
+    cloud = cloud if is_sorted else cloud[order]
+    directions = None
+    if scan.has_origins:
+        directions = np.ascontiguousarray(scan.directions if is_sorted else scan.directions[order])
+    fitted = _primfit.fit_parts(
+        cloud,
+        directions,
+        parts.labels if is_sorted else parts.labels[order],
+        parts.sigma if is_sorted else parts.sigma[order],
+        wanted.normal_space,
+        wanted.axis,
+        (math.cos(wanted.high), math.cos(wanted.low)),
+        limit,
+        n_jobs,
+    )
     outlines = Outlines(n_jobs)
     planes: list[Plane] = []
     thresholds: list[float] = []
     labels = np.full(len(scan), -1, dtype=np.int64)
-    with tqdm(total=len(members), unit="plane", disable=progress is not True) as bar:
-        for number_, own in enumerate(members):
-            fitted = _fit_part(
-                cloud[own],
-                None if directions is None else directions[own],
-                parts.sigma[own],
-                wanted,
-                limit,
-            )
-            bar.update()
-            if callable(progress):
-                progress(number_ + 1, len(members))
-            if fitted is None or fitted[1].sum() < least:
-                continue
-            model, is_near, reach = fitted
-            near = own[is_near]
-            inliers = rows[near]
-            labels[inliers] = len(planes)
-            outline = outlines.of(model.equation, cloud[near])
-            plane = Plane(
-                equation=model.equation,
-                inliers=np.sort(inliers),
-                boundary=outline.boundary,
-                area=outline.area,
-                rms=model.rms,
-                covariance=model.covariance,
-                holes=outline.holes,
-            )
-            planes.append(plane.moved(offset))
-            thresholds.append(reach)
+    for number_, part in enumerate(tqdm(fitted, unit="plane", disable=progress is not True)):
+        if callable(progress):
+            progress(number_ + 1, len(fitted))
+        if part is None or len(part[2]) < least:
+            continue
+        (equation, covariance, rms), reach, near = part
+        inliers = np.sort(order[near])
+        labels[inliers] = len(planes)
+        outline = outlines.of(equation, cloud, near)
+        plane = Plane(
+            equation=equation,
+            inliers=inliers,
+            boundary=outline.boundary,
+            area=outline.area,
+            rms=rms,
+            covariance=covariance,
+            holes=outline.holes,
+        )
+        planes.append(plane.moved(offset))
+        thresholds.append(reach)
     if given is not None:
         used = float(np.median(given))
+    elif planes:
+        sizes = [len(plane.inliers) for plane in planes]
+        used = float(np.median(np.repeat([plane.rms for plane in planes], sizes)))
     else:
-        found = labels[labels >= 0]
-        rms = np.array([plane.rms for plane in planes])
-        used = float(np.median(rms[found] if len(found) else parts.sigma))
+        used = float(np.median(parts.sigma[returns]))
     settings = {
         "threshold": float(np.median(thresholds)) if thresholds else SIGMAS * used,
         "n_neighbors": parts.n_neighbors,
@@ -181,58 +182,3 @@ def detect_planes(
         "min_points": least,
     }
     return Planes(tuple(planes), labels, used, np.array(thresholds), settings)
-
-
-def _spread_out(noise: Floats | None, returns: Bools) -> Floats | None:
-    """The noise of all beams, 0 where none came back, from that of the returns."""
-    if noise is None:
-        return None
-    all_noise = np.zeros(len(returns))
-    all_noise[returns] = noise
-    return all_noise
-
-
-def _members(labels: Ints, rows: Ints) -> list[Ints]:
-    """Rows of each label, in the order in which all rows are given."""
-    sorted_labels = labels[rows]
-    # Narrow integers are sorted without being compared.
-    order = np.argsort(sorted_labels.astype(np.min_scalar_type(-1 - labels.max())), kind="stable")
-    order = rows[order]
-    counts = np.bincount(labels[labels >= 0])
-    return (
-        np.split(order[len(labels) - counts.sum() :], np.cumsum(counts)[:-1]) if len(counts) else []
-    )
-
-
-def _fit_part(
-    points: Floats,
-    directions: Floats | None,
-    sigma: Floats,
-    wanted: Orientation,
-    limit: float | None,
-) -> tuple[PlaneModel, Bools, float] | None:
-    """The wanted plane through a part, which of its points are near, and how near that is."""
-    middle = points.mean(axis=0)
-    local = points - middle
-    normal = _primfit.thinnest(local)
-    rms = float(np.sqrt(np.mean(dots(local, normal) ** 2)))
-    spread = max(rms, float(np.median(sigma)), FLOOR * float(np.abs(local).max()), 1e-100)
-    facing = (
-        normal[np.abs(normal).argmax()] if directions is None else -dots(directions, normal).sum()
-    )
-    normal = np.copysign(1.0, facing) * normal
-    start = np.append(normal, -dot(normal, middle))
-    each = np.full(len(points), spread)
-    reach = _REACH * spread if limit is None else limit
-    cloud = NoisyPoints(points, directions, each, np.full(len(points), reach))
-    model = fit(cloud, start, wanted)
-    if model is None and directions is not None:
-        # Where beams graze, or both sides are seen, only the distances tell the plane.
-        cloud = replace(cloud, directions=None)
-        model = fit(cloud, start, wanted)
-    if model is None:
-        return None
-    distance = dots(points, model.equation[:3]) + model.equation[3]
-    if np.sqrt(np.mean(distance**2)) > _WORSE * spread:
-        return None
-    return model, np.abs(distance) <= reach, reach

@@ -35,8 +35,12 @@ def image_of(scan: Scan) -> Ints | None:
     if min(height, width) < _LEAST_SIDE or height * width > _MOST_EMPTY * len(scan):
         return None
     pixels = (layer - low) * width + (column - left)
+    rows = np.arange(len(scan))
+    if len(rows) == height * width and np.array_equal(pixels, rows):
+        image = rows.reshape(height, width)
+        return image if _is_in_order(scan.points, image) else None
     flat = np.full(height * width, -1, dtype=np.int64)
-    flat[pixels] = np.arange(len(scan))
+    flat[pixels] = rows
     # Two beams in one pixel are no image.
     if np.count_nonzero(flat >= 0) < len(scan):
         return None

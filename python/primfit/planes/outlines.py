@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 
 from primfit import _primfit
-from primfit._check import Floats
-from primfit.geometry.products import dot, dots, product
+from primfit._check import Floats, Ints
+from primfit.geometry.products import product
 from primfit.planes.plane import axes_of
 
 _SMOOTH = 0.1
@@ -30,8 +30,8 @@ class Outlines:
     >>> from primfit.planes.outlines import Outlines
     >>> x, y = np.mgrid[0:1:21j, 0:1:21j].reshape(2, -1)
     >>> frame = (abs(x - 0.5) > 0.32) | (abs(y - 0.5) > 0.32)
-    >>> points = np.column_stack([x, y, 0 * x])[frame]
-    >>> outline = Outlines().of(np.array([0.0, 0.0, 1.0, -2.0]), points)
+    >>> points = np.column_stack([x, y, 0 * x])
+    >>> outline = Outlines().of(np.array([0.0, 0.0, 1.0, -2.0]), points, np.flatnonzero(frame))
     >>> len(outline.holes()), round(outline.area(), 2), outline.boundary()[:, 2].tolist()
     (1, 0.53, [2.0, 2.0, 2.0, 2.0])
     """
@@ -41,17 +41,12 @@ class Outlines:
         self._points: list[Floats] = []
         self._drawn: list[shapely.Polygon] = []
 
-    def of(self, equation: Floats, points: Floats) -> Outline:
-        """The outline of points (n, 3) near a plane, which may be changed afterwards."""
+    def of(self, equation: Floats, points: Floats, rows: Ints) -> Outline:
+        """The outline of some points (n, 3) near a plane, which may be changed afterwards."""
         axes = axes_of(equation[:3])
-        # What the order of the points does not change.
-        place = (points.min(axis=0) + points.max(axis=0)) / 2
-        place = place - (dot(equation[:3], place) + equation[3]) * equation[:3]
-        local = points - place
         number = len(self._points)
-        # Each axis by itself, which is faster to go through.
-        flat = [dots(local, axis) for axis in axes]
-        self._points.append(_primfit.thinned(np.stack(flat, axis=1)))
+        flat, place = _primfit.laid_out(points, rows, equation, axes)
+        self._points.append(flat)
         return Outline(lambda: self._polygon(number), place, axes)
 
     def _polygon(self, number: int) -> shapely.Polygon:

@@ -81,6 +81,8 @@ class Plane:
 
     def moved(self, offset: Floats) -> Plane:
         """The plane moved by a vector (3,), metres."""
+        if not offset.any():
+            return self
         shift = np.eye(4)
         shift[3, :3] = -offset
         return replaced(

@@ -37,14 +37,11 @@ class FlatParts:
     stride: int
     order: Ints
 
-    def select(self, rows: Ints) -> FlatParts:
-        """The parts of some of the points."""
-        place = np.full(len(self.labels), -1)
-        place[rows] = np.arange(len(rows))
-        order = place[self.order]
-        return replace(
-            self, labels=self.labels[rows], sigma=self.sigma[rows], order=order[order >= 0]
-        )
+    def among(self, mask: Bools) -> FlatParts:
+        """The parts of points that are those of a mask (n,); the others have label -1."""
+        labels, sigma = np.full(len(mask), -1), np.zeros(len(mask))
+        labels[mask], sigma[mask] = self.labels, self.sigma
+        return replace(self, labels=labels, sigma=sigma, order=np.flatnonzero(mask)[self.order])
 
 
 def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None = None) -> FlatParts:

@@ -92,9 +92,9 @@ class Face:
     @classmethod
     def through(cls, equation: Floats, points: Floats) -> Face:
         """A plane with its points (n, 3), and their outline."""
-        outline = Outlines().of(equation, points)
-        nothing = np.full((4, 4), np.nan)
         rows = np.arange(len(points))
+        outline = Outlines().of(equation, np.ascontiguousarray(points), rows)
+        nothing = np.full((4, 4), np.nan)
         plane = Plane(equation, rows, outline.boundary, outline.area, 0.0, nothing)
         return cls.of(plane, points)
 

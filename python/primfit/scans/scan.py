@@ -24,7 +24,7 @@ from primfit._check import (
 from primfit._later import Later
 from primfit.clouds.cloud import warn_of_millimetres
 from primfit.clouds.foreign import PointsLike, borrowed
-from primfit.geometry.extents import half_extent
+from primfit.geometry.extents import half_extent, is_amid
 from primfit.scans.archives import load_arrays, save_arrays
 from primfit.scans.casting import unit_rows
 from primfit.viewing.shown import Shown
@@ -228,12 +228,15 @@ class Scan(Shown):
         given = borrowed("points", points)
         shape = given.shape
         cloud = as_rows("points", given.points, 3, finite=False)
-        is_point = np.asarray(np.isfinite(cloud).all(axis=1))
+        # Column by column, which NumPy does many times as fast as row by row.
+        x, y, z = cloud.T
+        is_point = np.isfinite(x) & np.isfinite(y) & np.isfinite(z)
         if shape is not None or (origins is not None and np.shape(origins) == (3,)):
-            is_point &= cloud.any(axis=1)
+            is_point &= (x != 0.0) | (y != 0.0) | (z != 0.0)
         n = len(cloud)
         if not is_point.all():
-            cloud = np.where(is_point[:, None], cloud, np.nan)
+            cloud = np.array(cloud)
+            cloud[~is_point] = np.nan
         elif cloud.flags.writeable:
             # What nobody can write to need not be copied.
             cloud = np.array(cloud)
@@ -322,7 +325,9 @@ class Scan(Shown):
     @property
     def has_origins(self) -> bool:
         """Whether it is known where the beams began."""
-        return bool(np.isfinite(self.origins).all())
+        # One for all, or unknown, needs one look.
+        is_same = not self.origins.strides[0]
+        return bool(np.isfinite(self.origins[:1] if is_same else self.origins).all())
 
     def select(self, rows: ArrayLike) -> Scan:
         """The scan of some beams only, by mask or by row numbers.
@@ -367,6 +372,8 @@ class Scan(Shown):
         matter.
         """
         is_return = self.is_return
+        if is_amid(self.points, int(np.count_nonzero(is_return)), _FAR):
+            return np.zeros(3)
         points = self.points if is_return.all() else self.points[is_return]
         if not len(points):
             return np.zeros(3)

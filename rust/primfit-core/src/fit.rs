@@ -18,15 +18,6 @@ pub struct PlaneFit {
     pub rms: f64,
 }
 
-/// The direction in which points spread least, by arithmetic and square roots alone: the same bits on
-/// every machine.
-#[must_use]
-pub fn thinnest(points: &[Vector]) -> Vector {
-    let n = points.len() as f64;
-    let mean = std::array::from_fn(|k| points.iter().map(|point| point[k]).sum::<f64>() / n);
-    Moments::of(points.iter(), &mean).spread().normal
-}
-
 /// Fits by weighted least squares of the perpendicular distances.
 ///
 /// The normal is sought in the space that the orthonormal vectors of `normal_space` span: all
@@ -41,6 +32,41 @@ pub fn fit_plane(points: &[Vector], weights: &[f64], normal_space: &[Vector]) ->
         let r = Vector3::from(*point) - mean;
         scatter += *weight * r * r.transpose();
     }
+    let (normal, covariance) = tell(mean, &scatter, total, normal_space)?;
+    // From the points, not from the scatter, whose rounding would show as a residual.
+    let squares: f64 = points
+        .iter()
+        .zip(weights)
+        .map(|(point, weight)| weight * normal.dot(&(Vector3::from(*point) - mean)).powi(2))
+        .sum();
+    Some(PlaneFit {
+        equation: [normal.x, normal.y, normal.z, -normal.dot(&mean)],
+        covariance: rows(&covariance),
+        rms: (squares / total).sqrt(),
+    })
+}
+
+/// The same of points of one weight, by their moments; the residuals are left to the caller.
+#[must_use]
+pub fn fit_moments(moments: &Moments, weight: f64, normal_space: &[Vector]) -> Option<PlaneFit> {
+    let [xx, xy, xz, yy, yz, zz] = moments.scatter;
+    let scatter = weight * Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+    let mean = Vector3::from(moments.mean);
+    let (normal, covariance) = tell(mean, &scatter, weight * moments.count, normal_space)?;
+    Some(PlaneFit {
+        equation: [normal.x, normal.y, normal.z, -normal.dot(&mean)],
+        covariance: rows(&covariance),
+        rms: 0.0,
+    })
+}
+
+/// The normal, and the covariance of the equation, that weighted points tell by their scatter.
+fn tell(
+    mean: Vector3<f64>,
+    scatter: &Matrix3<f64>,
+    total: f64,
+    normal_space: &[Vector],
+) -> Option<(Vector3<f64>, Matrix4<f64>)> {
     let rank = normal_space.len();
     let space = DMatrix::from_fn(3, rank, |k, j| normal_space[j][k]);
     let eigen = SymmetricEigen::new(space.transpose() * scatter * &space);
@@ -65,17 +91,7 @@ pub fn fit_plane(points: &[Vector], weights: &[f64], normal_space: &[Vector]) ->
         let change = Vector4::new(turn.x, turn.y, turn.z, -turn.dot(&mean));
         covariance += change * change.transpose() / information;
     }
-    // From the points, not from the scatter, whose rounding would show as a residual.
-    let squares: f64 = points
-        .iter()
-        .zip(weights)
-        .map(|(point, weight)| weight * normal.dot(&(Vector3::from(*point) - mean)).powi(2))
-        .sum();
-    Some(PlaneFit {
-        equation: [normal.x, normal.y, normal.z, -normal.dot(&mean)],
-        covariance: rows(&covariance),
-        rms: (squares / total).sqrt(),
-    })
+    Some((normal, covariance))
 }
 
 /// Fits by least squares of the residuals along the beams, starting from `equation`.

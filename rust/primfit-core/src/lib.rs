@@ -15,6 +15,7 @@ mod likelihood;
 mod neighbors;
 mod organised;
 mod outlines;
+mod parts;
 pub mod ply;
 mod rays;
 mod scoring;
@@ -26,7 +27,7 @@ mod workers;
 pub use crossings::{passages, residuals};
 pub use dbscan::dbscan;
 pub use error::Error;
-pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges, thinnest};
+pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
 pub use likelihood::{
     BeamBlocks, Beams, Candidate, Climb, Effort, Family, Grid, LevelLines, Local, PoseBeams,
     PoseSums, Posterior, Prices, RIGID, Region, Robust, Slope, Spans, Surroundings, carve,
@@ -34,7 +35,8 @@ pub use likelihood::{
 };
 pub use neighbors::{LocalPlane, Neighbor, PointTree};
 pub use organised::{ImageSegmentation, segment_image};
-pub use outlines::{Outline, Place, outlines, thinned};
+pub use outlines::{Outline, Place, laid_out, outlines, thinned};
+pub use parts::{PartPlane, Wanted, fit_parts};
 pub use rays::{Gate, Hits, RayCaster, Readings, Transform, turned};
 pub use scoring::{Score, score_planes};
 pub use segmentation::{Segmentation, segment};

@@ -4,10 +4,12 @@
 mod rings;
 mod thinning;
 
-use crate::{Error, Workers};
+use crate::spread::dot;
+use crate::{Error, Vector, Workers};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use rings::rings;
 use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation};
+use std::array::from_fn;
 pub use thinning::thinned;
 
 /// Points that a group must have for the gap to it to count as a gap within the outline.
@@ -32,6 +34,29 @@ pub struct Outline {
     pub alpha: f64,
 }
 
+/// Points near the plane `[a, b, c, d]` along two axes of it, and the place in space that they are
+/// counted from, which their order does not change.
+#[must_use]
+pub fn laid_out<'a>(
+    points: impl Iterator<Item = &'a Vector> + Clone,
+    [a, b, c, d]: [f64; 4],
+    axes: &[Vector; 2],
+) -> (Vec<Place>, Vector) {
+    let normal = [a, b, c];
+    let (low, high) =
+        points.clone().fold(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), |(low, high), p| {
+            (from_fn(|k| f64::min(low[k], p[k])), from_fn(|k| f64::max(high[k], p[k])))
+        });
+    let middle: Vector = from_fn(|k| f64::midpoint(low[k], high[k]));
+    let above = dot(&normal, &middle) + d;
+    let place: Vector = from_fn(|k| middle[k] - above * normal[k]);
+    let along = |point: &Vector| {
+        let away: Vector = from_fn(|k| point[k] - place[k]);
+        axes.map(|axis| dot(&away, &axis))
+    };
+    (points.map(along).collect(), place)
+}
+
 /// The outlines of the points of many planes, side by side.
 ///
 /// # Errors
@@ -40,7 +65,7 @@ pub fn outlines(planes: &[&[Place]], workers: &Workers) -> Result<Vec<Outline>, 
     workers.watch(|stop| {
         let drawn = planes.par_iter().map(|points| {
             stop.check()?;
-            Ok(outline(points).unwrap_or_default())
+            Ok(outline(&thinned(points)).unwrap_or_default())
         });
         drawn.collect()
     })

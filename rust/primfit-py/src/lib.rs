@@ -39,9 +39,9 @@ mod _primfit {
     #[pymodule_export]
     use crate::neighbors::PointTree;
     #[pymodule_export]
-    use crate::outlines::{outlines, thinned};
+    use crate::outlines::{laid_out, outlines, thinned};
     #[pymodule_export]
-    use crate::planes::{fit_plane, fit_plane_to_ranges, score_planes, segment_image, thinnest};
+    use crate::planes::{fit_parts, fit_plane, fit_plane_to_ranges, score_planes, segment_image};
     #[pymodule_export]
     use crate::poses::PoseBeams;
     #[pymodule_export]

@@ -3,7 +3,7 @@
 use crate::arrays::{rows, same_length};
 use crate::door;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
-use primfit_core::{PlaneFit, Score, Vector};
+use primfit_core::{PartPlane, PlaneFit, Score, Vector, Wanted};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -95,14 +95,43 @@ pub fn segment_image<'py>(
     Ok((labels.into_pyarray(py), found.sigma.into_pyarray(py)))
 }
 
-/// The direction (3,) in which points spread least.
+type Part<'py> = (Fit<'py>, f64, Bound<'py, PyArray1<i64>>);
+
+/// The wanted plane of each label, -1 being none: its fit, the reach and rows of its inliers.
 #[pyfunction]
-pub fn thinnest<'py>(
+#[pyo3(signature = (
+    points, directions, labels, sigma, normal_space, axis, cosines, limit=None, n_jobs=None
+))]
+#[allow(clippy::too_many_arguments)]
+pub fn fit_parts<'py>(
     py: Python<'py>,
     points: PyReadonlyArray2<f64>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let points = rows("points", &points)?;
-    Ok(PyArray1::from_slice(py, &py.detach(|| primfit_core::thinnest(points))))
+    directions: Option<PyReadonlyArray2<f64>>,
+    labels: PyReadonlyArray1<i64>,
+    sigma: PyReadonlyArray1<f64>,
+    normal_space: PyReadonlyArray2<f64>,
+    axis: [f64; 3],
+    cosines: [f64; 2],
+    limit: Option<f64>,
+    n_jobs: Option<usize>,
+) -> PyResult<Vec<Option<Part<'py>>>> {
+    let (points, labels, sigma) = (rows("points", &points)?, labels.as_slice()?, sigma.as_slice()?);
+    same_length("labels", labels.len(), "points", points.len())?;
+    same_length("sigma", sigma.len(), "points", points.len())?;
+    let directions =
+        directions.as_ref().map(|directions| rows("directions", directions)).transpose()?;
+    if let Some(directions) = directions {
+        same_length("directions", directions.len(), "points", points.len())?;
+    }
+    let wanted = Wanted { normal_space: space(&normal_space)?, axis, cosines };
+    let fitted = door::enter(py, n_jobs, |workers| {
+        primfit_core::fit_parts(points, directions, labels, sigma, &wanted, limit, workers)
+    })?;
+    let to_python = |part: PartPlane| {
+        let inliers: Vec<i64> = part.inliers.into_iter().map(i64::from).collect();
+        Ok((to_arrays(py, part.fit)?, part.reach, inliers.into_pyarray(py)))
+    };
+    fitted.into_iter().map(|part| part.map(to_python).transpose()).collect()
 }
 
 fn space<'a>(normal_space: &'a PyReadonlyArray2<f64>) -> PyResult<&'a [Vector]> {

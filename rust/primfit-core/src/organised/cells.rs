@@ -153,8 +153,10 @@ impl Pyramid {
     }
 
     /// Smallest cell of a pixel.
-    pub fn cell_of(&self, image: &Image, i: usize) -> usize {
-        i / image.width / self.cell.0 * self.levels[0].width + i % image.width / self.cell.1
+    pub fn cell_at(&self, row: usize, column: usize) -> usize {
+        // Sides are powers of two.
+        let (y, x) = (self.cell.0.trailing_zeros(), self.cell.1.trailing_zeros());
+        (row >> y) * self.levels[0].width + (column >> x)
     }
 }
 

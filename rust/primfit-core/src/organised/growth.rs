@@ -124,9 +124,13 @@ fn flat_cells(pyramid: &Pyramid, noise: &[f64]) -> Nodes {
                     if !is_run {
                         continue;
                     }
+                    let n: f64 = row(step).map(|at| level.moments[at].count).sum();
+                    if n < FILLED * full * length as f64 {
+                        continue;
+                    }
                     let all = row(step).map(region).reduce(|a, b| a.joined(&b)).unwrap_or_default();
                     let flat = Flat::of(&all.moments);
-                    if is_flat(&all, &flat, full * length as f64) {
+                    if is_flat(&all, &flat) {
                         let number = nodes.regions.len() as i32;
                         nodes.regions.push(all);
                         nodes.flats.push(flat);
@@ -151,11 +155,10 @@ fn weighted(moments: &[Moments], noise: &[f64]) -> Vec<f64> {
     moments.iter().zip(noise).map(|(own, sigma)| own.count * sigma * sigma).collect()
 }
 
-fn is_flat(region: &Region, flat: &Flat, full: f64) -> bool {
+fn is_flat(region: &Region, flat: &Flat) -> bool {
     let [thin, middle, long] = flat.variances;
     let n = region.moments.count;
-    n >= FILLED * full
-        && middle > (FLAT_BY_CHANCE / n).max(FLAT) * thin
+    middle > (FLAT_BY_CHANCE / n).max(FLAT) * thin
         && middle > LINE * long
         && thin.sqrt() <= ROUGH * region.sigma(flat)
 }
@@ -261,15 +264,19 @@ pub fn merge(regions: &mut [Region], mut touching: Vec<BTreeSet<usize>>) -> Vec<
     let n = regions.len();
     let mut version = vec![0_u32; n];
     let mut into: Vec<usize> = (0..n).collect();
+    let mut flats: Vec<Flat> = regions.iter().map(|region| Flat::of(&region.moments)).collect();
     let mut heap = BinaryHeap::new();
     for (a, others) in touching.iter().enumerate() {
-        heap.extend(others.range(a + 1..).filter_map(|&b| Pair::of(regions, &version, a, b)));
+        heap.extend(
+            others.range(a + 1..).filter_map(|&b| Pair::of(regions, &flats, &version, a, b)),
+        );
     }
     while let Some(Pair { a, b, versions, .. }) = heap.pop() {
         if versions != (version[a], version[b]) {
             continue;
         }
         regions[a] = regions[a].joined(&regions[b]);
+        flats[a] = Flat::of(&regions[a].moments);
         into[b] = a;
         version[a] += 1;
         version[b] += 1;
@@ -281,7 +288,9 @@ pub fn merge(regions: &mut [Region], mut touching: Vec<BTreeSet<usize>>) -> Vec<
             }
         }
         heap.extend(
-            touching[a].iter().filter_map(|&c| Pair::of(regions, &version, a.min(c), a.max(c))),
+            touching[a]
+                .iter()
+                .filter_map(|&c| Pair::of(regions, &flats, &version, a.min(c), a.max(c))),
         );
     }
     (0..n)
@@ -304,13 +313,13 @@ struct Pair {
 }
 
 impl Pair {
-    fn of(regions: &[Region], version: &[u32], a: usize, b: usize) -> Option<Self> {
+    fn of(regions: &[Region], flats: &[Flat], version: &[u32], a: usize, b: usize) -> Option<Self> {
         let (first, second) = (&regions[a], &regions[b]);
         if first.moments.count.min(second.moments.count) < LEAST {
             return None;
         }
         let both = first.joined(second);
-        let flats = [first, second, &both].map(|region| Flat::of(&region.moments));
+        let flats = [flats[a], flats[b], Flat::of(&both.moments)];
         let squares = |region: &Region, flat: &Flat| flat.variances[0] * region.moments.count;
         let rise =
             squares(&both, &flats[2]) - squares(first, &flats[0]) - squares(second, &flats[1]);

@@ -86,7 +86,10 @@ fn segment_in_line(
     let (labels, n) = refinement::parts(image, &labels);
     let regions = fit(image, &pyramid, &noise.sigma, &labels, n);
     let labels = accept(image, &labels, &regions, noise.alike, workers)?;
-    let sigma = (0..labels.len()).map(|i| noise.sigma[pyramid.cell_of(image, i)]).collect();
+    let mut sigma = Vec::with_capacity(labels.len());
+    for row in 0..image.height {
+        sigma.extend((0..image.width).map(|x| noise.sigma[pyramid.cell_at(row, x)]));
+    }
     Ok(ImageSegmentation { labels, sigma })
 }
 
@@ -131,11 +134,15 @@ fn members(labels: &[i32], n: usize) -> Vec<Vec<u32>> {
 /// The points of each label.
 fn fit(image: &Image, pyramid: &Pyramid, noise: &[f64], labels: &[i32], n: usize) -> Vec<Region> {
     let mut sums: Vec<Option<(Sums, f64)>> = vec![None; n];
-    for (i, &label) in labels.iter().enumerate().filter(|(_, label)| **label != NOBODY) {
-        let point = &image.points[i];
-        let own = sums[label as usize].get_or_insert_with(|| (Sums::new(*point), 0.0));
-        own.0.add(point);
-        own.1 += noise[pyramid.cell_of(image, i)].powi(2);
+    let rows = labels.chunks(image.width).zip(image.points.chunks(image.width));
+    for (row, (labels, points)) in rows.enumerate() {
+        for (x, (&label, point)) in labels.iter().zip(points).enumerate() {
+            if label != NOBODY {
+                let own = sums[label as usize].get_or_insert_with(|| (Sums::new(*point), 0.0));
+                own.0.add(point);
+                own.1 += noise[pyramid.cell_at(row, x)].powi(2);
+            }
+        }
     }
     sums.into_iter()
         .map(|own| {

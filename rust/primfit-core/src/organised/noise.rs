@@ -186,6 +186,7 @@ fn collect(
     differences: &mut Vec<f64>,
 ) {
     let (w, points) = (image.width, image.points);
+    let root = SECOND.sqrt();
     let (bottom, right) = ((top + rows).min(image.height), (left + columns).min(w));
     for row in top..bottom {
         for column in left..right {
@@ -193,7 +194,16 @@ fn collect(
             if (row + column) % 2 == 1 || points[i][0].is_nan() {
                 continue;
             }
+            let middle = flat.distance(&points[i]);
             for (at, size, step) in [(column, w, 1), (row, image.height, w)] {
+                if at > 0 && at + 1 < size {
+                    let (a, b) = (&points[i - step], &points[i + step]);
+                    if !a[0].is_nan() && !b[0].is_nan() {
+                        let off = 0.5 * flat.distance(a) + 0.5 * flat.distance(b) - middle;
+                        differences.push(off.abs() / root);
+                        continue;
+                    }
+                }
                 let near = |room: usize| 1..=room.min(FAR);
                 let Some(s) = near(at).find(|s| image.is_point(i - s * step)) else { continue };
                 let Some(t) = near(size - 1 - at).find(|t| image.is_point(i + t * step)) else {
@@ -202,8 +212,7 @@ fn collect(
                 let (a, b) = (&points[i - s * step], &points[i + t * step]);
                 let (s, t) = (s as f64, t as f64);
                 let share = t / (s + t);
-                let off = share * flat.distance(a) + (1.0 - share) * flat.distance(b)
-                    - flat.distance(&points[i]);
+                let off = share * flat.distance(a) + (1.0 - share) * flat.distance(b) - middle;
                 let variance = 1.0 + share * share + (1.0 - share) * (1.0 - share);
                 differences.push(off.abs() / variance.sqrt());
             }
@@ -284,7 +293,7 @@ pub fn told(image: &Image, pyramid: &Pyramid, sigma: &[f64]) -> Noise {
     let n = pyramid.levels[0].moments.len();
     let mut sums = vec![(0.0, 0.0); n];
     for (i, sigma) in sigma.iter().enumerate().filter(|(i, _)| image.is_point(*i)) {
-        let (squares, count) = &mut sums[pyramid.cell_of(image, i)];
+        let (squares, count) = &mut sums[pyramid.cell_at(i / image.width, i % image.width)];
         *squares += sigma * sigma;
         *count += 1.0;
     }

@@ -2,6 +2,7 @@
 
 use super::cells::{Flat, Image, Pyramid};
 use super::growth::{NOBODY, ROUGH, Region};
+use std::array::from_fn;
 use std::collections::BTreeSet;
 
 /// Standard deviations within which a plane takes points.
@@ -22,8 +23,9 @@ const BRIDGE: usize = 3;
 pub struct Plane {
     /// The plane.
     pub flat: Flat,
-    /// Standard deviation of its points.
+    /// Standard deviation of its points, and its logarithm.
     pub sigma: f64,
+    log_sigma: f64,
 }
 
 impl Plane {
@@ -31,12 +33,13 @@ impl Plane {
     pub fn of(region: &Region) -> Self {
         let flat = Flat::of(&region.moments);
         let least = region.sigma(&flat);
-        Self { flat, sigma: flat.variances[0].sqrt().clamp(least, ROUGH * least) }
+        let sigma = flat.variances[0].sqrt().clamp(least, ROUGH * least);
+        Self { flat, sigma, log_sigma: sigma.ln() }
     }
 
     fn cost(&self, point: &crate::Vector) -> Option<f64> {
         let off = self.flat.distance(point) / self.sigma;
-        (off.abs() <= REACH).then(|| off * off / 2.0 + self.sigma.ln())
+        (off.abs() <= REACH).then(|| off * off / 2.0 + self.log_sigma)
     }
 }
 
@@ -134,13 +137,13 @@ pub fn around<'a>(image: &'a Image, i: usize) -> impl Iterator<Item = usize> + u
 /// likelihood times the share of neighbours with the label.
 pub fn compete(image: &Image, labels: &mut [i32], planes: &[Plane]) {
     let (w, h) = (image.width, image.height);
+    // Of so many neighbours alike among all, both at most eight.
+    let logs: [[f64; 9]; 9] =
+        from_fn(|n_all| from_fn(|n_alike| (n_alike as f64 / n_all.max(1) as f64 + SHARE).ln()));
     for _ in 0..SWEEPS {
         let old = labels.to_vec();
-        for i in 0..old.len() {
-            if !image.is_point(i) {
-                continue;
-            }
-            let (y, x) = (i / w, i % w);
+        for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {
+            let i = y * w + x;
             if y > 0 && x > 0 && y + 1 < h && x + 1 < w {
                 let own = old[i];
                 if old[i - 1] == own && old[i + 1] == own && old[i - w] == own && old[i + w] == own
@@ -148,26 +151,29 @@ pub fn compete(image: &Image, labels: &mut [i32], planes: &[Plane]) {
                     continue;
                 }
             }
-            let mut counts: [(i32, f64); 9] = [(NOBODY, 0.0); 9];
-            let (mut n, mut total) = (1, 0.0);
+            if !image.is_point(i) {
+                continue;
+            }
+            let mut counts: [(i32, usize); 9] = [(NOBODY, 0); 9];
+            let (mut n, mut total) = (1, 0);
             for r in y.saturating_sub(1)..(y + 2).min(h) {
                 for c in x.saturating_sub(1)..(x + 2).min(w) {
                     let j = r * w + c;
                     if j == i || !image.is_point(j) {
                         continue;
                     }
-                    total += 1.0;
+                    total += 1;
                     match counts[..n].iter_mut().find(|(label, _)| *label == old[j]) {
-                        Some((_, count)) => *count += 1.0,
+                        Some((_, count)) => *count += 1,
                         None if n < 9 => {
-                            counts[n] = (old[j], 1.0);
+                            counts[n] = (old[j], 1);
                             n += 1;
                         }
                         None => {}
                     }
                 }
             }
-            if total == 0.0 {
+            if total == 0 {
                 continue;
             }
             let mut best = (f64::INFINITY, NOBODY);
@@ -175,12 +181,12 @@ pub fn compete(image: &Image, labels: &mut [i32], planes: &[Plane]) {
             let room = counts[1..n].iter().map(|&(label, _)| planes[label as usize].sigma);
             let room = room.fold(0.0, f64::max);
             if room > 0.0 {
-                best = ((2.0 * REACH * room).ln() - (counts[0].1 / total + SHARE).ln(), NOBODY);
+                best = ((2.0 * REACH * room).ln() - logs[total][counts[0].1], NOBODY);
             }
             for &(label, count) in &counts[1..n] {
                 let plane = &planes[label as usize];
                 if let Some(cost) = plane.cost(&image.points[i]) {
-                    let cost = cost + HALF_LOG_TAU - (count / total + SHARE).ln();
+                    let cost = cost + HALF_LOG_TAU - logs[total][count];
                     if (cost, label) < best {
                         best = (cost, label);
                     }
@@ -201,14 +207,22 @@ pub fn beside(image: &Image, labels: &[i32], n: usize) -> Vec<BTreeSet<usize>> {
             beside[b as usize].insert(a as usize);
         }
     };
-    for (i, &own) in labels.iter().enumerate().filter(|(_, own)| **own != NOBODY) {
-        for (step, room) in [(1, w - 1 - i % w), (w, (labels.len() - 1 - i) / w)] {
+    for (y, x) in (0..image.height).flat_map(|y| (0..w).map(move |x| (y, x))) {
+        let i = y * w + x;
+        let own = labels[i];
+        if own == NOBODY {
+            continue;
+        }
+        for (step, room) in [(1, w - 1 - x), (w, image.height - 1 - y)] {
+            if room > 0 && labels[i + step] == own {
+                continue;
+            }
             let mut next = (1..=room.min(1 + BRIDGE)).map(|k| i + k * step);
             if let Some(j) = next.find(|&j| labels[j] != NOBODY || image.is_point(j)) {
                 join(own, labels[j]);
             }
         }
-        if image.is_ring && i % w == 0 {
+        if image.is_ring && x == 0 {
             join(own, labels[i + w - 1]);
         }
     }
@@ -220,8 +234,12 @@ pub fn beside(image: &Image, labels: &[i32], n: usize) -> Vec<BTreeSet<usize>> {
 pub fn parts(image: &Image, labels: &[i32]) -> (Vec<i32>, usize) {
     let (w, n) = (image.width, labels.len());
     let mut root: Vec<u32> = (0..n as u32).collect();
-    for i in (0..n).filter(|&i| labels[i] != NOBODY) {
-        let (x, own) = (i % w, labels[i]);
+    for (y, x) in (0..image.height).flat_map(|y| (0..w).map(move |x| (y, x))) {
+        let i = y * w + x;
+        let own = labels[i];
+        if own == NOBODY {
+            continue;
+        }
         if x > 0 && labels[i - 1] == own {
             root[i] = root[i - 1];
             // What is above was joined to what is beside.
@@ -229,7 +247,7 @@ pub fn parts(image: &Image, labels: &[i32]) -> (Vec<i32>, usize) {
                 continue;
             }
         }
-        for (step, room) in [(1, x), (w, i / w)] {
+        for (step, room) in [(1, x), (w, y)] {
             for k in 1..=room.min(1 + BRIDGE) {
                 let j = i - k * step;
                 if labels[j] == own {

@@ -95,34 +95,59 @@ fn repeated(shifts: &[i64]) -> Vec<i64> {
 
 /// Columns by which the next row is shifted: where its points are nearest to those of this one.
 fn shift(image: &Image, row: usize, most: usize, is_ring: bool) -> i64 {
-    let w = image.width;
-    let step = w.div_ceil(SAMPLES);
-    let apart = |shift: i64| {
-        let mut distances: Vec<f64> = (0..w)
-            .step_by(step)
-            .filter_map(|x| {
-                let to = x as i64 + shift;
-                let beside = [to, to + 1].map(|to| {
-                    let to = if is_ring { to.rem_euclid(w as i64) } else { to };
-                    usize::try_from(to).ok().filter(|&to| to < w).map(|to| (row + 1) * w + to)
-                });
-                // Where every other pixel has a point, one of two does.
-                let to = beside.into_iter().flatten().find(|&to| image.is_point(to))?;
-                let away = distance(&image.points[row * w + x], &image.points[to]);
-                (!away.is_nan()).then_some(away)
-            })
-            .collect();
+    let w = image.width as i64;
+    let step = image.width.div_ceil(SAMPLES);
+    let [own, next] = [row, row + 1].map(|row| &image.points[row * image.width..][..image.width]);
+    let some: Vec<(i64, Vector)> = (0..image.width)
+        .step_by(step)
+        .filter(|&x| !own[x][0].is_nan())
+        .map(|x| (x as i64, own[x]))
+        .collect();
+    // The distance of a sample to the next row; NaN where that has no point.
+    let away = |&(x, point): &(i64, Vector), shift: i64| {
+        for to in [x + shift, x + shift + 1] {
+            let to = match to {
+                _ if to < 0 && is_ring => to + w,
+                _ if to >= w && is_ring => to - w,
+                _ => to,
+            };
+            // Where every other pixel has a point, one of two does.
+            if let Some(other) = usize::try_from(to).ok().and_then(|to| next.get(to))
+                && !other[0].is_nan()
+            {
+                return distance(&point, other);
+            }
+        }
+        f64::NAN
+    };
+    let mut distances = Vec::with_capacity(some.len());
+    let mut apart = |shift: i64| {
+        distances.clear();
+        distances.extend(some.iter().map(|sample| away(sample, shift)).filter(|d| !d.is_nan()));
         if distances.len() < FEWEST {
             return f64::INFINITY;
         }
         let middle = distances.len() / 2;
         *distances.select_nth_unstable_by(middle, f64::total_cmp).1
     };
-    let unmoved = apart(0);
+    let mut best = (CLOSER * apart(0), 0, 0);
     let most = most as i64;
-    let best = (-most..=most).map(|shift| (apart(shift), shift.abs(), shift));
-    let best = best.fold((unmoved, 0, 0), |a, b| if (b.0, b.1) < (a.0, a.1) { b } else { a });
-    if best.0 < CLOSER * unmoved { best.2 } else { 0 }
+    for shift in -most..=most {
+        // Most shifts are none: half of their samples are too far.
+        let mut n_far = 0;
+        let is_far = some.iter().any(|sample| {
+            n_far += usize::from(away(sample, shift) > best.0);
+            2 * n_far > some.len()
+        });
+        if is_far {
+            continue;
+        }
+        let median = apart(shift);
+        if (median, shift.abs()) < (best.0, best.1) {
+            best = (median, shift.abs(), shift);
+        }
+    }
+    best.2
 }
 
 fn moved(image: &Image, offsets: &[i64], is_ring: bool) -> InLine {
