@@ -209,8 +209,9 @@ def test_command_line(tmp_path):
         [np.insert(rng.uniform(1, 2, (800, 2)), k, 1.0, axis=1) for k in (0, 1)]
     )
     with Recorder("mcap", tmp_path) as recorder:
-        recorder.cloud("/points", 0, corner + rng.normal(0, 0.002, corner.shape))
-        recorder.cloud("/points", 1, corner[:800])
+        noisy = corner + rng.normal(0, 0.002, corner.shape)
+        recorder.cloud("/points", 0, noisy)
+        recorder.cloud("/points", 1, noisy[:800])
         for t in (0.0, 1.0):
             recorder.odometry("/odom", t, t, 0.0, 0.0)
     words = ("detect", "drive", "--json", "--method", "planes", "--topic", "/points")

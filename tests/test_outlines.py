@@ -31,7 +31,7 @@ def inside(shape, n, rng):
 
 def drawn(points):
     """The outline of level points as a polygon."""
-    outline = Outlines().of(LEVEL, points)
+    outline = Outlines().of(LEVEL, points, np.arange(len(points)))
     shape = shapely.Polygon(outline.boundary()[:, :2], [hole[:, :2] for hole in outline.holes()])
     assert shape.is_valid
     assert outline.area() == pytest.approx(shape.area)
@@ -64,7 +64,8 @@ def test_any_polygon(seed, n_corners):
     found = drawn(points)
     assert overlap(found, shape) > 0.85
     # In other orders, and of points that are there twice, it is the very same.
-    again = Outlines().of(LEVEL, np.concatenate([points, points[:50]])[rng.permutation(2_050)])
+    again = np.concatenate([points, points[:50]])[rng.permutation(2_050)]
+    again = Outlines().of(LEVEL, again, np.arange(2_050))
     np.testing.assert_array_equal(
         again.boundary()[:, :2], shapely.get_coordinates(found.exterior)[:-1]
     )
@@ -73,7 +74,7 @@ def test_any_polygon(seed, n_corners):
 def test_points_without_area():
     line = np.column_stack([np.linspace(0, 1, 50), np.zeros(50), np.full(50, 2.0)])
     for points in (line, line[:1], line[:2], np.repeat(line[:1], 9, axis=0)):
-        outline = Outlines().of(LEVEL, points)
+        outline = Outlines().of(LEVEL, points, np.arange(len(points)))
         assert outline.boundary().shape == (0, 3)
         assert outline.area() == 0.0
 

@@ -18,6 +18,7 @@ __all__ = [
     "fit_plane_to_ranges",
     "format_rows",
     "laid_out",
+    "outlines",
     "parse_rows",
     "passages",
     "ply_bytes",

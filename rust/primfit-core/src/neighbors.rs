@@ -101,6 +101,18 @@ impl PointTree {
 
     /// The `k` points nearest to `query`, or all when there are fewer, nearest first.
     pub fn nearest<'s>(&self, query: &Vector, k: usize, search: &'s mut Search) -> &'s [Neighbor] {
+        let found = self.nearest_unsorted(query, k, search);
+        found.sort_unstable_by(Neighbor::order);
+        found
+    }
+
+    /// The same in no particular order.
+    pub fn nearest_unsorted<'s>(
+        &self,
+        query: &Vector,
+        k: usize,
+        search: &'s mut Search,
+    ) -> &'s mut [Neighbor] {
         let k = k.min(self.points.len());
         let Search { found, open } = search;
         found.clear();
@@ -129,7 +141,6 @@ impl PointTree {
             found.select_nth_unstable_by(k - 1, Neighbor::order);
             found.truncate(k);
         }
-        found.sort_unstable_by(Neighbor::order);
         found
     }
 

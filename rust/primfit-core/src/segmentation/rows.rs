@@ -4,6 +4,7 @@
 use super::Segmentation;
 use super::growth::NOBODY;
 use super::regions::{self, Competition};
+use crate::neighbors::normals::FLAT;
 use crate::neighbors::{Neighbor, PointTree, Search};
 use crate::spread::Moments;
 use crate::{Error, Vector, Workers};
@@ -52,7 +53,8 @@ pub fn stride(tree: &PointTree) -> usize {
 
 /// Part of a row, and what it lies on.
 struct Row {
-    /// Standard deviation of the part beside its own direction, and of all across the surface.
+    /// Standard deviation of the part beside its own direction, and of all across the surface; the
+    /// latter is 0 where all are no surface: parts of walls far apart are no rows.
     width: f64,
     thickness: f64,
     /// How far some rows reach.
@@ -81,12 +83,13 @@ fn rows(tree: &PointTree, reaching: usize) -> Vec<Row> {
         let near = tree.nearest(point, reaching / WITHIN, &mut search);
         let far = tree.nearest(point, WITHIN * reaching, &mut wider);
         let [part, all] = [near, far].map(|some| Moments::of(some.iter().map(at), point).spread());
+        let is_surface = all.variances[1] > FLAT * all.variances[0];
         let middle = all.distance(&part.mean);
         let off = |neighbor| (all.distance(at(neighbor)) - middle).powi(2);
         let across = near.iter().map(off).sum::<f64>() / near.len() as f64;
         Row {
             width: part.variances[1].sqrt(),
-            thickness: all.variances[0].sqrt(),
+            thickness: if is_surface { all.variances[0].sqrt() } else { 0.0 },
             reach: far[far.len() - 1].squared.sqrt(),
             share_across: across / part.variances.iter().sum::<f64>(),
         }
@@ -112,9 +115,12 @@ fn dimensions(tree: &PointTree) -> Vec<(usize, f64)> {
     let mut search = Search::default();
     let mut radii = vec![Vec::new(); sizes.len()];
     for point in samples(tree) {
-        let found = tree.nearest(point, most, &mut search);
-        for (radii, size) in radii.iter_mut().zip(&sizes) {
-            radii.push(found[size - 1].squared);
+        let found = tree.nearest_unsorted(point, most, &mut search);
+        let mut squares: Vec<f64> = found.iter().map(|neighbor| neighbor.squared).collect();
+        // The largest first: what is beyond it is not looked at again.
+        for (radii, &size) in radii.iter_mut().zip(&sizes).rev() {
+            radii.push(*squares.select_nth_unstable_by(size - 1, f64::total_cmp).1);
+            squares.truncate(size);
         }
     }
     let from_half_to_double = radii.windows(2 * STEPS + 1).zip(sizes.iter().skip(STEPS));
@@ -217,6 +223,20 @@ mod tests {
             })
             .collect();
         assert_eq!(stride(&PointTree::new(&slats)), 1);
+    }
+
+    #[test]
+    fn walls_far_apart_are_no_rows() {
+        let walls: Vec<Vector> = (0..9200)
+            .map(|i| {
+                let (wall, u) = (f64::from(i / 100), f64::from(i) * 0.618_034 % 1.0);
+                let v = f64::from(i) * 0.754_878 % 1.0;
+                let at = [0.618_034, 0.754_878, 0.569_840].map(|step| 30.0 * (wall * step % 1.0));
+                let off = 0.01 * (1e4 * f64::from(i).sin()).fract();
+                [at[0] + 2.0 * u, at[1] + 2.0 * v, at[2] + wall.sin() * u + off]
+            })
+            .collect();
+        assert_eq!(stride(&PointTree::new(&walls)), 1);
     }
 
     #[test]
