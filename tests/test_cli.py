@@ -88,6 +88,24 @@ def test_detect_a_cloud(tmp_path):
     assert len(primfit.read_points(tmp_path / "corner_planes.ply")) == 1600
 
 
+def test_detect_by_tiles(tmp_path):
+    xy = np.random.default_rng(1).uniform(size=(3000, 2)) * [30.0, 10.0]
+    points = np.column_stack([xy, 0.01 * np.random.default_rng(2).normal(size=3000)])
+    primfit.write_points(tmp_path / "floor.xyz", points)
+    words = ("detect", "floor.xyz", "--tiles", 10, "--halo", 2, "--jobs", 2)
+    result = primfit_command(*words, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "1 planes hold 100.0%" in result.stdout
+    labels = np.load(tmp_path / "floor_planes.npy")
+    assert labels.shape == (3000,)
+    assert (labels == 0).mean() > 0.99
+    content = json.loads(primfit_command(*words, "--json", cwd=tmp_path).stdout)
+    assert content["planes"][0]["area"] == pytest.approx(300.0, rel=0.05)
+    refused = primfit_command(*words, "--mesh", "solids.obj", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "--mesh does not go with --tiles" in refused.stderr
+
+
 def test_help_and_version(tmp_path):
     assert primfit.__version__ in primfit_command("--version", cwd=tmp_path).stdout
     result = primfit_command("--help", cwd=tmp_path)

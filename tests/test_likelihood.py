@@ -291,7 +291,7 @@ def test_a_cloud_stands_for_its_points(small_scan):
 
 
 def test_what_detect_does_not_take(small_scan):
-    with pytest.raises(FileNotFoundError, match="there is no file scan.npz"):
+    with pytest.raises(FileNotFoundError, match=r"there is no file scan\.npz"):
         primfit.detect("scan.npz")
     with pytest.raises(TypeError, match=r"options of method='likelihood' are sigma, .*; not noise"):
         primfit.detect(small_scan, noise=0.05)

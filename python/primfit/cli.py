@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -218,12 +218,35 @@ def detect(
     cloud: Annotated[Path | None, typer.Option(help="Coloured cloud to write (.ply ...).")] = None,
     mesh: Annotated[Path | None, typer.Option(help="Solids to write (.ply .obj .stl).")] = None,
     csv: Annotated[Path | None, typer.Option(help="Table of solids to write.")] = None,
+    tiles: Annotated[
+        float | None,
+        typer.Option(
+            help="Find planes alone, by square tiles of this side, metres, in .las and .laz files "
+            "that need not fit into memory; labels go to FILE_planes.npy, a number a point."
+        ),
+    ] = None,
+    halo: Annotated[
+        float | None, typer.Option(help="How far beyond its border a tile sees, metres.")
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes for tiles.")] = None,
     rng: Seed = 0,
     as_json: AsJson = False,
     progress: Progress = True,
 ) -> None:
     """Find planes and solids in a scan or cloud; a cloud is also written coloured by plane."""
     _check_folders(picture, view, cloud, mesh, csv)
+    if tiles is not None:
+        others = {"world": world, "topic": topic, "message": message, "poses": poses}
+        others |= {"picture": picture, "view": view, "cloud": cloud, "mesh": mesh, "csv": csv}
+        _refuse(others | {"tolerance": tolerance}, "--tiles, which finds planes alone")
+        if method not in (None, "planes"):
+            raise ValueError(f"--tiles is for --method planes, not {method}")
+        wishes = {"orientation": orientation or "any", "origins": origin, "sigma": sigma}
+        wishes |= {"threshold": threshold, "min_points": min_points, "tiles": tiles, "halo": halo}
+        _detect_by_tiles(file, jobs or 1, as_json, wishes | {"progress": _bar(progress)})
+        return
+    if halo is not None or jobs is not None:
+        raise ValueError("--halo and --jobs are for --tiles")
     truth = None if world is None else primfit.World.load(world)
     recorded = _read(file, origin, topic, message, poses)
     n_left_out = int(recorded.is_blank.sum())
@@ -272,6 +295,47 @@ def detect(
         _say(f"\n{report}")
     for path in written:
         _say(f"written: {path}")
+
+
+def _refuse(options: dict[str, Any], by: str) -> None:
+    for name, value in options.items():
+        if value is not None:
+            raise ValueError(f"--{name} does not go with {by}")
+
+
+def _detect_by_tiles(file: Path, jobs: int, as_json: bool, wishes: dict[str, Any]) -> None:
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    import numpy as np
+
+    from primfit._files import replacing
+
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
+        wishes["executor"] = executor if jobs > 1 else None
+        planes = primfit.detect_planes(file, **wishes)
+    out = Path(f"{file.stem}_planes.npy")
+    with replacing(out) as part, part.open("wb") as stream:
+        np.save(stream, planes.labels)
+    if as_json:
+        rows = [
+            {
+                "equation": plane.equation.tolist(),
+                "covariance": plane.covariance.tolist(),
+                "n_inliers": len(plane.inliers),
+                "area": plane.area,
+                "rms": plane.rms,
+                "boundary": plane.boundary.tolist(),
+            }
+            for plane in planes
+        ]
+        content = {"planes": rows, "sigma": planes.sigma, "settings": planes.settings}
+        _say(json.dumps(content | {"written": [str(out)]}))
+        return
+    _say(f"{planes!r}")
+    _say(", ".join(f"{key} {x:.4g}" for key, x in planes.settings.items()))
+    _say(_table(planes.planes, planes.labels))
+    _say(f"written: {out}")
 
 
 def _read(
@@ -329,13 +393,17 @@ def _write(
 
 
 def _planes_table(found: primfit.Detection) -> str:
+    return _table(found.planes, found.labels[found.scan.is_return])
+
+
+def _table(planes: Sequence[primfit.Plane], labels: Any) -> str:
     from primfit._tables import PLANES, plane_row
 
-    order = sorted(range(len(found.planes)), key=lambda i: -len(found.planes[i].inliers))
-    rows = [PLANES, *(plane_row(i, found.planes[i]) for i in order)]
+    order = sorted(range(len(planes)), key=lambda i: -len(planes[i].inliers))
+    rows = [PLANES, *(plane_row(i, planes[i]) for i in order)]
     lines = ["{:>5}  {:>8}  {:>9}  {:>8}  {}".format(*row) for row in rows]
-    share = (found.labels[found.scan.is_return] >= 0).mean()
-    lines.append(f"{len(found.planes)} planes hold {share:.1%} of the points")
+    share = (labels >= 0).mean()
+    lines.append(f"{len(planes)} planes hold {share:.1%} of the points")
     return "\n".join(lines)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -92,8 +93,16 @@ def read_cloud(file: str | PathLike[str], *, columns: Sequence[str] | None = Non
     suffix, kind = _format_of(path)
     if columns is not None and kind is not text:
         raise ValueError(f"columns are for text files with a point a line, not for {path.name!r}")
-    try:
+    with explained(path, suffix):
         cloud: Cloud = text.read(path, columns) if kind is text else kind.read(path)
+    return cloud
+
+
+@contextmanager
+def explained(path: Path, suffix: str) -> Iterator[None]:
+    """Errors of reading a file, as `read_cloud` raises them."""
+    try:
+        yield
     except ModuleNotFoundError as error:
         raise _missing(error, suffix) from None
     except PermissionError:
@@ -102,7 +111,6 @@ def read_cloud(file: str | PathLike[str], *, columns: Sequence[str] | None = Non
         raise MemoryError(f"{path}: {_why(error)}") from None
     except Exception as error:  # each library has errors of its own
         raise ValueError(f"{path} is not readable as {suffix}: {_why(error)}") from error
-    return cloud
 
 
 def read_points(file: str | PathLike[str]) -> Floats:

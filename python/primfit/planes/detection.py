@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import Executor
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from primfit import _primfit
-from primfit._check import Floats, generator, integer, n_jobs_or_none, number
+from primfit._check import Floats, Ints, generator, integer, n_jobs_or_none, number
 from primfit.clouds.foreign import PointsLike
 from primfit.planes.organised import image_of, image_parts
 from primfit.planes.outlines import Outlines
@@ -33,6 +34,9 @@ def detect_planes(
     max_angle: float | None = None,
     threshold: float | None = None,
     min_points: int | None = None,
+    tiles: float | None = None,
+    halo: float | None = None,
+    executor: Executor | None = None,
     n_jobs: int | None = None,
     progress: Progress = False,
 ) -> Planes:
@@ -73,21 +77,38 @@ def detect_planes(
         own, which `Planes.thresholds` reports.
     min_points : int or None
         Least inliers; None for 10, and as many as make a plane unlikely to be chance.
+    tiles : float or None, metres
+        Side of square tiles, seen from above, that the cloud is worked on by, for clouds that one
+        machine or its memory is too small for (see `primfit.planes.tiles`). LAS and LAZ files, COPC
+        among them, are then never held whole: tiles wait in a temporary folder. All are taken as
+        clouds that are not organised, ``origins`` and ``sigma`` of a file are one for all.
+    halo : float or None, metres
+        How far beyond its border a tile sees, at most `tiles`; None for twice the radius of 384
+        neighbours.
+    executor : concurrent.futures.Executor or None
+        Where tiles are worked on, with one thread each: a pool of processes, ``get_executor()`` of
+        a client of Dask, Ray's or MPI's. None for here, one after the other. A tile whose worker is
+        lost is tried again. The result does not depend on it.
     n_jobs : int or None
         Threads; None for all. The result does not depend on them.
     progress : bool or callable
-        True shows a bar; a callable gets the number of planes done and in all.
+        True shows a bar; a callable gets the number of planes done and in all, or of tiles.
 
     Returns
     -------
     Planes
-        Takes about 300 bytes a point beyond the input.
+        Takes about 300 bytes a point beyond the input; by tiles, 16 bytes a point and 100 a point
+        of the largest plane, and each worker 300 a point of its tile. With tiles `settings` tells
+        "tiles" and "halo", metres, "n_tiles" and the points in the "largest_tile".
 
     Raises
     ------
     ValueError
         When points are fewer than a plane needs, or farther than float64 can compute with. Rows
-        that are no points (see `Scan.from_points`) get label -1.
+        that are no points (see `Scan.from_points`) get label -1. When `halo` or `executor` is given
+        without `tiles`.
+    RuntimeError
+        When workers are lost three times on the same tile.
 
     Examples
     --------
@@ -97,6 +118,29 @@ def detect_planes(
     >>> len(planes), f"{planes[0].rms:.6f}"
     (1, '0.000000')
     """
+    if tiles is not None:
+        from primfit.planes.tiles import planes_by_tiles
+
+        if callable(sigma):
+            raise TypeError("sigma must be a number or (n,) where tiles are given, no function")
+        generator(rng)
+        return planes_by_tiles(
+            points,
+            origins,
+            sigma,
+            orientation=orientation,
+            max_angle=max_angle,
+            threshold=threshold,
+            min_points=min_points,
+            tiles=tiles,
+            halo=halo,
+            executor=executor,
+            n_jobs=n_jobs,
+            progress=progress,
+        )
+    for name, value in (("halo", halo), ("executor", executor)):
+        if value is not None:
+            raise ValueError(f"{name} is for tiles, which must be given with it")
     # Nobody sees the scan, so it need not own its points.
     scan = as_scan(points, origins, copy=False)
     if callable(sigma):
@@ -133,14 +177,12 @@ def detect_planes(
     directions = None
     if scan.has_origins:
         directions = np.ascontiguousarray(scan.directions if is_sorted else scan.directions[order])
-    fitted = _primfit.fit_parts(
+    fitted = fit_parts(
         cloud,
         directions,
         parts.labels if is_sorted else parts.labels[order],
         parts.sigma if is_sorted else parts.sigma[order],
-        wanted.normal_space,
-        wanted.axis,
-        (math.cos(wanted.high), math.cos(wanted.low)),
+        wanted,
         limit,
         n_jobs,
     )
@@ -182,3 +224,23 @@ def detect_planes(
         "min_points": least,
     }
     return Planes(tuple(planes), labels, used, np.array(thresholds), settings)
+
+
+Part = tuple[tuple[Floats, Floats, float], float, Ints]
+"""Equation, covariance and rms of a plane; how near points are to it; and the rows of those."""
+
+
+def fit_parts(
+    points: Floats,
+    directions: Floats | None,
+    labels: Ints,
+    sigma: Floats,
+    wanted: Orientation,
+    limit: float | None,
+    n_jobs: int | None,
+) -> list[Part | None]:
+    """The wanted plane through the points of each label; None where there is none."""
+    cosines = math.cos(wanted.high), math.cos(wanted.low)
+    return _primfit.fit_parts(
+        points, directions, labels, sigma, wanted.normal_space, wanted.axis, cosines, limit, n_jobs
+    )

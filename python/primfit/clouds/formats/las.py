@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import io
+import mmap
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from primfit._check import Floats
+from primfit._check import Floats, Ints
 from primfit.clouds.cloud import Cloud, Columns, cloud_of, columns_of
-from primfit.clouds.formats.las_header import read_header
+from primfit.clouds.formats.las_header import LasHeader, read_header
 from primfit.clouds.formats.laz import decompressed
 from primfit.geometry.extents import bounds
 
 _FINEST = 1e-6
 """Least step of a coordinate, metres."""
+
+_AT_ONCE = 1 << 26
+"""Bytes of points that are read at once."""
 
 _COLOR = ("red", "green", "blue")
 
@@ -30,17 +35,17 @@ def read(path: Path) -> Cloud:
     if checked.compression is None:
         points = content[checked.start : checked.start + checked.n_points * checked.point_size]
     else:
-        points = memoryview(decompressed(content, checked, checked.compression))
+        whole = bytearray()
+        for part in decompressed(content, checked, checked.compression):
+            whole += part
+        points = memoryview(whole)
     record = laspy.point.record.ScaleAwarePointRecord(
         np.frombuffer(points, header.point_format.dtype()),
         header.point_format,
         header.scales,
         header.offsets,
     )
-    places = np.empty((checked.n_points, 3))
-    for k, (scale, offset) in enumerate(zip(checked.scales, checked.offsets, strict=True)):
-        np.multiply(record.array["XYZ"[k]], scale, out=places[:, k])
-        places[:, k] += offset
+    places = _places([record.array[axis] for axis in "XYZ"], checked)
     ever = _ever_set(points, checked.point_size)
     used = {
         name
@@ -48,6 +53,35 @@ def read(path: Path) -> Cloud:
         if any(ever[at : at + kind.itemsize])
     }
     return cloud_of_record(record, places, used)
+
+
+def read_parts(path: Path) -> Iterator[Floats]:
+    """The points alone (n, 3), metres, some at a time and in order."""
+    with path.open("rb") as file:
+        content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+    header = read_header(content)
+    for part in _parts(content, header):
+        rows = np.frombuffer(part, np.uint8).reshape(-1, header.point_size)
+        yield _places(list(np.ascontiguousarray(rows[:, :12]).view("<i4").T), header)
+
+
+def _parts(content: memoryview, header: LasHeader) -> Iterator[bytes | bytearray]:
+    if header.compression is not None:
+        yield from decompressed(content, header, header.compression)
+        return
+    at_once = max(1, _AT_ONCE // header.point_size) * header.point_size
+    end = header.start + header.n_points * header.point_size
+    for first in range(header.start, end, at_once):
+        yield bytes(content[first : min(first + at_once, end)])
+
+
+def _places(counts: Sequence[Ints], header: LasHeader) -> Floats:
+    """Where counts of steps of the three coordinates are (n, 3), metres."""
+    places = np.empty((len(counts[0]), 3))
+    for k, (scale, offset) in enumerate(zip(header.scales, header.offsets, strict=True)):
+        np.multiply(counts[k], scale, out=places[:, k])
+        places[:, k] += offset
+    return places
 
 
 def cloud_of_record(record: Any, places: Floats, used: set[str] | None = None) -> Cloud:

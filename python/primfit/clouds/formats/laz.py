@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import struct
+from collections.abc import Iterator
 
 from primfit.clouds.formats.las_header import LAYERED, POINT_WISE, VARIABLE, Compression, LasHeader
 
@@ -18,57 +19,69 @@ _AT_ONCE = 1 << 26
 """Bytes of points that are decompressed at once, or those of one chunk."""
 
 
-def decompressed(content: memoryview, header: LasHeader, compression: Compression) -> bytearray:
-    """The points of a LAZ file as they are in a LAS file.
+def decompressed(
+    content: memoryview, header: LasHeader, compression: Compression
+) -> Iterator[bytearray]:
+    """The points of a LAZ file as they are in a LAS file, in parts one after the other.
 
     Raises
     ------
     ValueError
         When they are damaged, or not all there.
     """
-    import lazrs
-
     data = content[header.start : header.end]
     try:
         if compression.kind == POINT_WISE:
-            return _point_wise(data, header, compression)
-        table = _chunks(data, content, header, compression)
-        points = bytearray()
-        at, first = 8, 0
-        while first < len(table):
-            last, n_bytes, n_points = first, 0, 0
-            while last < len(table) and (
-                last == first or (n_points + table[last][0]) * header.point_size <= _AT_ONCE
-            ):
-                _check_chunk(data, at + n_bytes, table[last], header, compression)
-                n_points += table[last][0]
-                n_bytes += table[last][1]
-                last += 1
-            part = bytearray(n_points * header.point_size)
-            lazrs.decompress_points_with_chunk_table(
-                bytes(data[at : at + n_bytes]), compression.record, part, table[first:last]
-            )
-            points += part
-            at, first = at + n_bytes, last
-    except (ValueError, MemoryError):
+            yield from _point_wise(data, header, compression)
+        else:
+            yield from _chunk_wise(data, content, header, compression)
+    except (ValueError, MemoryError, GeneratorExit):
         raise
     except BaseException as error:
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
         raise ValueError(f"its compressed points are damaged: {error}") from None
-    return points
 
 
-def _point_wise(data: memoryview, header: LasHeader, compression: Compression) -> bytearray:
+def _chunk_wise(
+    data: memoryview, content: memoryview, header: LasHeader, compression: Compression
+) -> Iterator[bytearray]:
+    import lazrs
+
+    table = _chunks(data, content, header, compression)
+    at, first = 8, 0
+    while first < len(table):
+        last, n_bytes, n_points = first, 0, 0
+        while last < len(table) and (
+            last == first or (n_points + table[last][0]) * header.point_size <= _AT_ONCE
+        ):
+            _check_chunk(data, at + n_bytes, table[last], header, compression)
+            n_points += table[last][0]
+            n_bytes += table[last][1]
+            last += 1
+        part = bytearray(n_points * header.point_size)
+        lazrs.decompress_points_with_chunk_table(
+            bytes(data[at : at + n_bytes]), compression.record, part, table[first:last]
+        )
+        yield part
+        at, first = at + n_bytes, last
+
+
+def _point_wise(
+    data: memoryview, header: LasHeader, compression: Compression
+) -> Iterator[bytearray]:
     import lazrs
 
     if header.n_points > _MOST_POINTS * len(data):
         raise ValueError(f"it has {len(data)} bytes for {header.n_points} points")
-    points = bytearray(header.n_points * header.point_size)
-    if points:
-        source = io.BytesIO(data)
-        lazrs.LasZipDecompressor(source, compression.record).decompress_many(points)
-    return points
+    if not header.n_points:
+        return
+    decompressor = lazrs.LasZipDecompressor(io.BytesIO(data), compression.record)
+    at_once = max(1, _AT_ONCE // header.point_size)
+    for first in range(0, header.n_points, at_once):
+        part = bytearray(min(at_once, header.n_points - first) * header.point_size)
+        decompressor.decompress_many(part)
+        yield part
 
 
 def _chunks(
