@@ -10,6 +10,7 @@ __all__ = [
     "LevelLines",
     "Local",
     "PointTree",
+    "PoseBeams",
     "RayCaster",
     "carve",
     "dbscan",
@@ -78,7 +79,7 @@ class BeamBlocks:
         is_open: bool,
     ) -> tuple[NDArray[np.float64], float, NDArray[np.float64]]: ...
 
-Prisms = tuple[NDArray[np.float64], list[int], list[float], list[float], list[bool]]
+_Prisms = tuple[NDArray[np.float64], list[int], list[float], list[float], list[bool]]
 
 @final
 class PoseBeams:
@@ -95,7 +96,7 @@ class PoseBeams:
     def sums(
         self,
         poses: NDArray[np.float64],
-        prisms: Prisms,
+        prisms: _Prisms,
         floor: float,
         shared: Sequence[float],
         robust: Sequence[float],
@@ -106,7 +107,7 @@ class PoseBeams:
         self,
         of: Sequence[int],
         places: NDArray[np.float64],
-        prisms: Prisms,
+        prisms: _Prisms,
         floor: float,
         shared: Sequence[float],
         robust: Sequence[float],

@@ -107,6 +107,9 @@ impl<'a> Workers<'a> {
     /// # Errors
     /// [`Error::Memory`] when there is not.
     pub fn room(&self, n_bytes: usize) -> Result<(), Error> {
+        // Libraries that were loaded since the threads last worked make the data of each thread
+        // grow when it next looks at them; the system ends the process when there is no memory then.
+        self.pool.threads.broadcast(|_| ());
         black_box(Vec::<u8>::with_room(n_bytes)?);
         Ok(())
     }
