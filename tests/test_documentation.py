@@ -95,7 +95,7 @@ def test_points_of_any_kind():
 def test_how_to(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {}
-    table, roof = blocks((ROOT / "docs" / "howto.md").read_text(), "python")
+    table, roof, town = blocks((ROOT / "docs" / "howto.md").read_text(), "python")
     exec(table, names)
     solids = sorted(names["found"].solids, key=lambda solid: -solid.volume)
     for solid, box in zip(solids, names["boxes"], strict=True):
@@ -104,6 +104,8 @@ def test_how_to(tmp_path, monkeypatch):
     exec(roof, names)
     assert len(names["planes"]) == 2
     assert (tmp_path / "roof.html").stat().st_size > 1e5
+    exec(town, names)
+    assert len(names["planes"]) == 2
 
 
 def test_notebook(tmp_path):
