@@ -70,6 +70,37 @@ def test_the_error_says_how_much():
         primfit._primfit.turned(poses, np.ones((1 << 20, 3)))
 
 
+PARALLEL = """
+import os, numpy as np, primfit, threading
+rng = np.random.default_rng(0)
+def n_threads():
+    return len(os.listdir("/proc/self/task")) - threading.active_count()
+n_before = n_threads()
+for n in (20, 6000, 60_000):
+    points = rng.random((n, 3)) * [1.0, 1.0, 1e-3]
+    triangles = rng.integers(0, n, (n, 3))
+    primfit.estimate_normals(points, 16)
+    primfit.dbscan(points, 0.02, 5)
+    for plane in primfit.detect_planes(points):
+        plane.boundary
+    primfit.RayCaster((points, triangles)).cast(points[:999], points[:999] + 1.0)
+print(n_threads() - n_before, len(os.sched_getaffinity(0)))
+"""
+
+
+def test_all_work_is_done_by_the_threads_of_the_call():
+    # Those of another pool would begin late, and end the process where memory is short.
+    result = subprocess.run(
+        [sys.executable, "-c", PARALLEL],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+    )
+    n_threads, n_cores = map(int, result.stdout.split())
+    assert n_threads == n_cores
+
+
 def test_threads_that_nobody_uses_end():
     most = len(os.listdir("/proc/self/task")) + max(32, os.cpu_count() or 1)
     points = np.random.default_rng(0).random((2000, 3))

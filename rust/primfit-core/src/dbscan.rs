@@ -68,7 +68,8 @@ pub fn dbscan(
     let dense = Lattice::new(bounds, eps / 3.0_f64.sqrt() * (1.0 - slack), 2);
     let label = if dense.bits() <= u64::BITS { label::<u64> } else { label::<u128> };
     if points.len() <= FEW {
-        return label(points, eps, min_samples, [sparse, dense], &Stop::default());
+        let label = || label(points, eps, min_samples, [sparse, dense], &Stop::default());
+        return workers.install(label);
     }
     workers.watch(|stop| label(points, eps, min_samples, [sparse, dense], stop))
 }

@@ -100,7 +100,7 @@ impl RayCaster {
         }
         workers.room(TRIANGLE_BYTES * triangles.len() + VERTEX_BYTES * n_vertices)?;
         let tree = if triangles.len() <= FEW {
-            Tree::new(vertices, triangles, &Stop::default())
+            workers.install(|| Tree::new(vertices, triangles, &Stop::default()))
         } else {
             workers.watch(|stop| Tree::new(vertices, triangles, stop))
         }?;
