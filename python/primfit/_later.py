@@ -16,7 +16,7 @@ D = TypeVar("D", bound="DataclassInstance")
 class Later(Generic[T]):
     """A field of a dataclass that may be given as a function of nothing, called at first use."""
 
-    def __init__(self, *default: T) -> None:
+    def __init__(self, *default: T | Callable[[], T]) -> None:
         self._default = default
 
     def __set_name__(self, owner: type, name: str) -> None:

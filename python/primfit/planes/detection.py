@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,13 @@ from tqdm import tqdm
 from primfit import _primfit
 from primfit._check import Floats, Ints, generator, integer, n_jobs_or_none, number
 from primfit.clouds.foreign import PointsLike
-from primfit.planes.organised import image_of, image_parts
+from primfit.planes.firmness import Firmness
+from primfit.planes.organised import image_of
 from primfit.planes.outlines import Outlines
 from primfit.planes.plane import Plane, Planes
 from primfit.planes.ransac import Orientation
 from primfit.planes.scan_planes import SIGMAS, Progress, check_enough
-from primfit.planes.surfaces import flat_parts
+from primfit.planes.search import Search
 from primfit.scans.recorded import as_scan
 from primfit.scans.scan import Scan, as_sigma
 
@@ -97,8 +99,9 @@ def detect_planes(
     Returns
     -------
     Planes
-        Takes about 300 bytes a point beyond the input; by tiles, 16 bytes a point and 100 a point
-        of the largest plane, and each worker 300 a point of its tile. With tiles `settings` tells
+        Takes about 300 bytes a point beyond the input, and keeps 48 a point for its firmness; by
+        tiles, 16 bytes a point and 100 a point of the largest plane, and each worker 300 a point of
+        its tile. With tiles `settings` tells
         "tiles" and "halo", metres, "n_tiles" and the points in the "largest_tile".
 
     Raises
@@ -162,14 +165,8 @@ def detect_planes(
         if not noise[returns].any():
             noise = None
     cloud = np.ascontiguousarray(scan.points)
-    image = image_of(scan)
-    if image is not None:
-        parts = image_parts(cloud, image, noise, n_jobs)
-    elif n_returns == len(scan):
-        parts = flat_parts(cloud, noise, n_jobs)
-    else:
-        own = None if noise is None else noise[returns]
-        parts = flat_parts(cloud[returns], own, n_jobs).among(returns)
+    search = Search(cloud, image_of(scan), noise, n_jobs)
+    parts = search(returns)
     # Sums and outlines take the points in an order that does not depend on that of the rows.
     order = parts.order
     is_sorted = len(order) == len(scan) and np.array_equal(order, np.arange(len(order)))
@@ -223,7 +220,10 @@ def detect_planes(
         "stride": parts.stride,
         "min_points": least,
     }
-    return Planes(tuple(planes), labels, used, np.array(thresholds), settings)
+    # The points may be changed before someone asks.
+    again = replace(search, cloud=search.cloud.copy())
+    firmness = Firmness(labels, len(planes), order[returns[order]], again.labels)
+    return Planes(tuple(planes), labels, used, np.array(thresholds), settings, firmness)
 
 
 Part = tuple[tuple[Floats, Floats, float], float, Ints]

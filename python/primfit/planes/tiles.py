@@ -149,7 +149,8 @@ def planes_by_tiles(
         "n_tiles": len(found),
         "largest_tile": max(len(each.labels) for each in found.values()),
     }
-    return Planes(tuple(planes), labels, used, thresholds, settings)
+    unknown = np.full(len(planes), np.nan)
+    return Planes(tuple(planes), labels, used, thresholds, settings, unknown)
 
 
 @contextmanager
