@@ -29,9 +29,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
-import plane_scenes
 import shapely
-from plane_scenes import Scene
+from plane_scenes import GENERATED, Scene
+from recorded_scenes import RECORDED, scenes_of
 
 import primfit
 from primfit.planes.plane import axes_of
@@ -217,13 +217,6 @@ def board_rows(found: list[tuple[Scene, primfit.Planes]]) -> None:
             print(f"angle of poses {a} and {b}: {ours_:.2f} deg, camera {camera:.2f} deg")
 
 
-def scenes_of(group: str, data: Path, seeds: list[int] | None) -> list[Scene]:
-    if group in plane_scenes.GENERATED:
-        scene, default = plane_scenes.GENERATED[group]
-        return [scene(seed) for seed in seeds or default]
-    return plane_scenes.RECORDED[group](data)
-
-
 def run_one(args: argparse.Namespace, data: Path) -> dict[str, object]:
     """One method on one scene, in this process."""
     group, number, method = args.one
@@ -247,7 +240,7 @@ def run_one(args: argparse.Namespace, data: Path) -> dict[str, object]:
 
 
 def main() -> None:
-    groups = [*plane_scenes.RECORDED, *plane_scenes.GENERATED]
+    groups = [*RECORDED, *GENERATED]
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("groups", nargs="*", help=", ".join(groups))
     parser.add_argument("--peers", action="store_true")
