@@ -4,6 +4,7 @@
 //! of threads, nor on the instruction set that the machine offers, as long as the logarithm, the sine
 //! and the like of the system do not either.
 
+mod agglomeration;
 mod bounds;
 mod crossings;
 mod dbscan;

@@ -1,8 +1,9 @@
 //! Regions of cells: from the flattest, over neighbours on the same plane, then merged.
 
 use super::cells::{Flat, Pyramid, children, sum};
+use crate::agglomeration::{Clusters, agglomerate};
 use crate::spread::Moments;
-use std::collections::{BTreeSet, BinaryHeap};
+use std::collections::BTreeMap;
 
 /// No region.
 pub const NOBODY: i32 = -1;
@@ -78,11 +79,11 @@ pub fn regions(pyramid: &Pyramid, noise: &[f64], is_ring: bool) -> (Vec<i32>, Ve
     let nodes = flat_cells(pyramid, noise);
     let touching = touching(&nodes.of_cell, pyramid.levels[0].width, is_ring, nodes.regions.len());
     let (of_node, mut regions) = grow(&nodes, &touching);
-    let mut beside = vec![BTreeSet::new(); regions.len()];
+    let mut beside = vec![BTreeMap::new(); regions.len()];
     for (a, others) in touching.iter().enumerate() {
         let own = of_node[a] as usize;
         let others = others.iter().map(|&b| of_node[b as usize] as usize);
-        beside[own].extend(others.filter(|&other| other != own));
+        beside[own].extend(others.filter(|&other| other != own).map(|other| (other, 0.0)));
     }
     let into = merge(&mut regions, beside);
     let of =
@@ -260,66 +261,26 @@ fn fits(region: &Region, plane: &Flat, other: &Region, own: &Flat) -> bool {
 }
 
 /// Puts touching regions together as long as one plane explains both; number of each after it.
-pub fn merge(regions: &mut [Region], mut touching: Vec<BTreeSet<usize>>) -> Vec<i32> {
-    let n = regions.len();
-    let mut version = vec![0_u32; n];
-    let mut into: Vec<usize> = (0..n).collect();
-    let mut flats: Vec<Flat> = regions.iter().map(|region| Flat::of(&region.moments)).collect();
-    let mut heap = BinaryHeap::new();
-    for (a, others) in touching.iter().enumerate() {
-        heap.extend(
-            others.range(a + 1..).filter_map(|&b| Pair::of(regions, &flats, &version, a, b)),
-        );
-    }
-    while let Some(Pair { a, b, versions, .. }) = heap.pop() {
-        if versions != (version[a], version[b]) {
-            continue;
-        }
-        regions[a] = regions[a].joined(&regions[b]);
-        flats[a] = Flat::of(&regions[a].moments);
-        into[b] = a;
-        version[a] += 1;
-        version[b] += 1;
-        for other in std::mem::take(&mut touching[b]) {
-            touching[other].remove(&b);
-            if other != a {
-                touching[other].insert(a);
-                touching[a].insert(other);
-            }
-        }
-        heap.extend(
-            touching[a]
-                .iter()
-                .filter_map(|&c| Pair::of(regions, &flats, &version, a.min(c), a.max(c))),
-        );
-    }
-    (0..n)
-        .map(|mut at| {
-            while into[at] != at {
-                at = into[at];
-            }
-            at as i32
-        })
-        .collect()
+pub fn merge(regions: &mut [Region], touching: Vec<BTreeMap<usize, f64>>) -> Vec<i32> {
+    let flats = regions.iter().map(|region| Flat::of(&region.moments)).collect();
+    let into = agglomerate(&mut Planes { regions, flats }, touching);
+    into.into_iter().map(|k| k as i32).collect()
 }
 
-/// Two regions that may be one.
-#[derive(Debug, PartialEq)]
-struct Pair {
-    gain: f64,
-    a: usize,
-    b: usize,
-    versions: (u32, u32),
+/// Regions that may be one plane.
+struct Planes<'a> {
+    regions: &'a mut [Region],
+    flats: Vec<Flat>,
 }
 
-impl Pair {
-    fn of(regions: &[Region], flats: &[Flat], version: &[u32], a: usize, b: usize) -> Option<Self> {
-        let (first, second) = (&regions[a], &regions[b]);
+impl Clusters for Planes<'_> {
+    fn gain(&self, a: usize, b: usize, _bonus: f64) -> Option<f64> {
+        let (first, second) = (&self.regions[a], &self.regions[b]);
         if first.moments.count.min(second.moments.count) < LEAST {
             return None;
         }
         let both = first.joined(second);
-        let flats = [flats[a], flats[b], Flat::of(&both.moments)];
+        let flats = [self.flats[a], self.flats[b], Flat::of(&both.moments)];
         let squares = |region: &Region, flat: &Flat| flat.variances[0] * region.moments.count;
         let rise =
             squares(&both, &flats[2]) - squares(first, &flats[0]) - squares(second, &flats[1]);
@@ -332,20 +293,11 @@ impl Pair {
         let variance = v.max(w).min(UNEQUAL * v.min(w));
         let worth = PLANE * (m + k).ln() + MOVE * m.min(k);
         let gain = (worth - rise / variance) / (m + k);
-        (gain > 0.0).then(|| Self { gain, a, b, versions: (version[a], version[b]) })
+        (gain > 0.0).then_some(gain)
     }
-}
 
-impl Eq for Pair {}
-
-impl Ord for Pair {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.gain.total_cmp(&other.gain).then((other.a, other.b).cmp(&(self.a, self.b)))
-    }
-}
-
-impl PartialOrd for Pair {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
+    fn join(&mut self, a: usize, b: usize) {
+        self.regions[a] = self.regions[a].joined(&self.regions[b]);
+        self.flats[a] = Flat::of(&self.regions[a].moments);
     }
 }

@@ -3,7 +3,7 @@
 use super::cells::{Flat, Image, Pyramid};
 use super::growth::{NOBODY, ROUGH, Region};
 use std::array::from_fn;
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
 /// Standard deviations within which a plane takes points.
 const REACH: f64 = 3.5;
@@ -197,14 +197,14 @@ pub fn compete(image: &Image, labels: &mut [i32], planes: &[Plane]) {
     }
 }
 
-/// Labels that touch each other, each once a side.
-pub fn beside(image: &Image, labels: &[i32], n: usize) -> Vec<BTreeSet<usize>> {
+/// Labels that touch each other, each once a side, without a bonus.
+pub fn beside(image: &Image, labels: &[i32], n: usize) -> Vec<BTreeMap<usize, f64>> {
     let w = image.width;
-    let mut beside = vec![BTreeSet::new(); n];
+    let mut beside = vec![BTreeMap::new(); n];
     let mut join = |a: i32, b: i32| {
         if a != NOBODY && b != NOBODY && a != b {
-            beside[a as usize].insert(b as usize);
-            beside[b as usize].insert(a as usize);
+            beside[a as usize].insert(b as usize, 0.0);
+            beside[b as usize].insert(a as usize, 0.0);
         }
     };
     for (y, x) in (0..image.height).flat_map(|y| (0..w).map(move |x| (y, x))) {

@@ -4,8 +4,9 @@ use super::graph::Graph;
 use super::growth::NOBODY;
 use super::regions::{Region, SHARE};
 use super::roughness::{Law, Surfaces};
+use crate::agglomeration::{Clusters, agglomerate};
 use crate::spread::Spread;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BTreeMap;
 
 /// Squared distance, in variances, that each point of the smaller of two planes may move.
 const MOVE_SMOOTH: f64 = 0.25;
@@ -14,98 +15,42 @@ const MOVE_ROUGH: f64 = 2.56;
 const PLANE: f64 = 4.0;
 /// How much larger than the smaller variance of two planes the common one may be.
 const UNEQUAL: f64 = 4.0;
+
 /// New labels after putting touching regions together, best gain a point first.
 ///
 /// Two are one when the sum of squared distances grows by less than a plane's parameters and the
 /// smaller plane's freedom to move are worth.
 pub fn merge(graph: &Graph, regions: &[Region], labels: &[i32], surfaces: Surfaces) -> Vec<i32> {
-    let freedom = Freedom::of(surfaces, regions);
-    let mut regions = regions.to_vec();
-    let mut touching = touching(graph, labels, regions.len());
-    let mut version = vec![0_u32; regions.len()];
-    let mut into: Vec<usize> = (0..regions.len()).collect();
-    let mut heap = BinaryHeap::new();
-    for (a, others) in touching.iter().enumerate() {
-        for (&b, &bonus) in others.range(a + 1..) {
-            heap.extend(Pair::of(freedom, &regions, &version, a, b, bonus));
-        }
-    }
-    while let Some(Pair { a, b, versions, .. }) = heap.pop() {
-        if versions != (version[a], version[b]) {
-            continue;
-        }
-        regions[a] = joined(&regions[a], &regions[b]);
-        into[b] = a;
-        version[a] += 1;
-        version[b] += 1;
-        for (other, bonus) in std::mem::take(&mut touching[b]) {
-            touching[other].remove(&b);
-            if other != a {
-                *touching[other].entry(a).or_insert(0.0) += bonus;
-                *touching[a].entry(other).or_insert(0.0) += bonus;
-            }
-        }
-        for (&other, &bonus) in &touching[a] {
-            heap.extend(Pair::of(freedom, &regions, &version, a.min(other), a.max(other), bonus));
-        }
-    }
-    labels
-        .iter()
-        .map(|&label| {
-            if label == NOBODY {
-                return NOBODY;
-            }
-            let mut at = label as usize;
-            while into[at] != at {
-                at = into[at];
-            }
-            at as i32
-        })
-        .collect()
+    let touching = touching(graph, labels, regions.len());
+    let mut planes = Planes { freedom: Freedom::of(surfaces, regions), regions: regions.to_vec() };
+    let into = agglomerate(&mut planes, touching);
+    let of = |&label: &i32| if label == NOBODY { NOBODY } else { into[label as usize] as i32 };
+    labels.iter().map(of).collect()
 }
 
-/// Two regions that may be one.
-#[derive(Debug, PartialEq)]
-struct Pair {
-    gain: f64,
-    a: usize,
-    b: usize,
-    versions: (u32, u32),
+/// Regions that may be one plane.
+struct Planes {
+    freedom: Freedom,
+    regions: Vec<Region>,
 }
 
-impl Pair {
-    fn of(
-        freedom: Freedom,
-        regions: &[Region],
-        version: &[u32],
-        a: usize,
-        b: usize,
-        bonus: f64,
-    ) -> Option<Self> {
-        let (first, second) = (&regions[a], &regions[b]);
+impl Clusters for Planes {
+    fn gain(&self, a: usize, b: usize, bonus: f64) -> Option<f64> {
+        let (first, second) = (&self.regions[a], &self.regions[b]);
         let both = joined(first, second);
         let planes = [first, second, &both].map(Region::spread);
         let rise =
             squares(&planes[2], &both) - squares(&planes[0], first) - squares(&planes[1], second);
         let counts = [first.moments.count, second.moments.count];
-        let variance = freedom.variance([(first, &planes[0]), (second, &planes[1])], &planes[2]);
-        let worth = freedom.worth(counts) + 2.0 * bonus;
+        let variance =
+            self.freedom.variance([(first, &planes[0]), (second, &planes[1])], &planes[2]);
+        let worth = self.freedom.worth(counts) + 2.0 * bonus;
         let gain = (worth - rise / variance) / (counts[0] + counts[1]);
-        (gain > 0.0).then(|| Self { gain, a, b, versions: (version[a], version[b]) })
+        (gain > 0.0).then_some(gain)
     }
-}
 
-impl Eq for Pair {}
-
-impl Ord for Pair {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.gain.total_cmp(&other.gain).then((other.a, other.b).cmp(&(self.a, self.b)))
-    }
-}
-
-impl PartialOrd for Pair {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
+    fn join(&mut self, a: usize, b: usize) {
+        self.regions[a] = joined(&self.regions[a], &self.regions[b]);
     }
 }
 
