@@ -442,9 +442,6 @@ class TestClutter:
         assert (report.recall, report.precision) == (1.0, 1.0)
 
 
-@pytest.mark.xfail(
-    reason="points without noise pass for those of one step of a sensor", strict=True
-)
 def test_a_plane_without_noise_beside_noisy_ones():
     rng = np.random.default_rng(1)
     walls = [np.insert(rng.uniform(1, 2, (800, 2)), k, 1.0, axis=1) for k in (0, 1)]

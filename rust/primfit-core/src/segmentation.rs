@@ -109,7 +109,7 @@ fn segment_evenly(
     let (noise, surfaces): (Vec<f32>, _) = if let Some(sigma) = sigma {
         (sigma.iter().map(|&sigma| sigma as f32).collect(), Surfaces::Smooth)
     } else {
-        let is_stepped = without_steps(&mut local);
+        let is_stepped = without_steps(tree, &mut local, step);
         let noise = spread_noise(&graph, &local, step, points.len(), workers)?;
         tree.thin_planes(&mut local, &noise, step, workers)?;
         let surfaces =
