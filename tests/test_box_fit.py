@@ -83,7 +83,6 @@ def test_what_is_no_box():
             primfit.fit_box(chosen, cloud)
 
 
-@pytest.mark.xfail(reason="one of its faces comes in two planes", strict=True)
 def test_a_recorded_carton(data):
     points = primfit.read_points(data / "boxes" / "caixa.ply")
     planes = primfit.detect_planes(points)

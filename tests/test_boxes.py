@@ -117,10 +117,13 @@ def test_the_lid_and_a_strip_of_a_cylinder_are_no_box():
     ("name", "size"),
     [
         ("caixa", (0.62, 0.54, 0.43)),
-        ("caixa3", (0.53, 0.32, 0.26)),
+        pytest.param(
+            "caixa3",
+            (0.53, 0.32, 0.26),
+            marks=pytest.mark.xfail(reason="its roughest face stays in pieces", strict=True),
+        ),
     ],
 )
-@pytest.mark.xfail(reason="a face comes in two pieces, or is lost", strict=True)
 def test_recorded_cartons(data, name, size):
     points = primfit.read_points(data / "boxes" / f"{name}.ply")
     # The pixels tell where the camera was; points elsewhere do not, nor that it was outside.
@@ -131,7 +134,7 @@ def test_recorded_cartons(data, name, size):
     assert not primfit.detect(points + 0.1).solids
 
 
-@pytest.mark.xfail(reason="faces of the boxes are lost in a bare cloud", strict=True)
+@pytest.mark.xfail(reason="the lid of one box, of 680 points, is lost", strict=True)
 def test_recorded_boxes_on_a_table(data):
     points = primfit.read_points(data / "kinect" / "mosd_learn5.pcd")
     near = np.abs(points - [0.0, 0.04, 0.66]).max(axis=1) < 0.3

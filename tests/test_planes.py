@@ -442,12 +442,26 @@ class TestClutter:
         assert (report.recall, report.precision) == (1.0, 1.0)
 
 
-@pytest.mark.xfail(
-    reason="points without noise pass for those of one step of a sensor", strict=True
-)
 def test_a_plane_without_noise_beside_noisy_ones():
     rng = np.random.default_rng(1)
     walls = [np.insert(rng.uniform(1, 2, (800, 2)), k, 1.0, axis=1) for k in (0, 1)]
     noisy = np.concatenate(walls) + rng.normal(0, 0.002, (1600, 3))
     exact = np.insert(rng.uniform(1, 2, (800, 2)), 0, 2.0, axis=1)
     assert len(primfit.detect_planes(np.concatenate([noisy, exact]))) == 3
+
+
+def test_the_rims_of_a_thin_leaf_are_planes_across_gaps_that_chance_leaves():
+    rng = np.random.default_rng(0)
+    size = np.array([2.0, 1.0, 0.04])
+    faces = []
+    for face in range(6):
+        axis, upper = divmod(face, 2)
+        n = int(5000 * size.prod() / size[axis])
+        some = size * rng.random((n, 3))
+        some[:, axis] = upper * size[axis] + rng.normal(0, 0.001, n)
+        faces.append(some)
+    planes = primfit.detect_planes(np.concatenate(faces), sigma=0.001)
+    truth = np.repeat(np.arange(6), [len(some) for some in faces])
+    report = primfit.evaluate_segmentation(planes.labels, truth, min_iou=0.8, unlabeled=-1)
+    assert (report.recall, report.precision) == (1.0, 1.0)
+    assert len(primfit.detect(np.concatenate(faces), sigma=0.001).solids) == 1

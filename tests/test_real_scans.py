@@ -30,10 +30,7 @@ def test_vlp16_board(data, pose):
     "name",
     [
         "vlp16_board/pose3_full.pcd",
-        pytest.param(
-            "boxes/caixa3.ply",
-            marks=pytest.mark.xfail(reason="two of its three faces are lost", strict=True),
-        ),
+        "boxes/caixa3.ply",
     ],
 )
 def test_detect_command_on_a_lidar_scan_and_a_depth_camera(data, tmp_path, name):

@@ -26,6 +26,9 @@ _ASIDE = 2.0
 """How far from an edge the outline seems to be that runs across it, in reaches."""
 
 
+_SLIMMEST = 2.0 / 3.0
+"""Width of a face whose two sides are told apart, in reaches: a spacing and noise for each."""
+
 _EDGE = 4.0
 """Standard deviations from the plane of a neighbour within which a point may be its own."""
 
@@ -157,9 +160,10 @@ def _near(faces: list[Face]) -> list[Ints]:
     near = []
     for i in range(len(faces)):
         most = np.maximum(reach[i], reach)
-        # What is slimmer than edges are told apart does not tell which of its sides meets what.
+        # What is slimmer than edges are told apart does not tell which of its sides meets what: an
+        # outline ends within a third of its reach from the edge, at the one side and at the other.
         may_meet = (lengths_of(np.cross(normals[i], normals)) >= _LEAST_SINE) & is_face
-        may_meet &= is_face[i] & (np.minimum(width[i], width) >= most)
+        may_meet &= is_face[i] & (np.minimum(width[i], width) >= _SLIMMEST * most)
         # As far as two reaches at right angles, and no less for rounding.
         slack = 1.5 * most[:, None]
         may_meet &= ((low[i] <= high + slack) & (high[i] >= low - slack)).all(axis=1)

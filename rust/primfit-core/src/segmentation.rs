@@ -12,6 +12,7 @@ mod regions;
 mod roughness;
 mod rows;
 mod splitting;
+mod strips;
 
 use crate::neighbors::PointTree;
 use crate::neighbors::normals::{LocalPlane, THICKEST};
@@ -26,6 +27,7 @@ use pieces::pieces;
 use regions::compete;
 use roughness::Surfaces;
 use splitting::split;
+use strips::join_strips;
 
 /// Points of which each gets a local plane; of more, every second, third ... up to 32nd does.
 const MOST_LOCAL: usize = 32_768;
@@ -109,7 +111,7 @@ fn segment_evenly(
     let (noise, surfaces): (Vec<f32>, _) = if let Some(sigma) = sigma {
         (sigma.iter().map(|&sigma| sigma as f32).collect(), Surfaces::Smooth)
     } else {
-        let is_stepped = without_steps(&mut local);
+        let is_stepped = without_steps(tree, &mut local, step);
         let noise = spread_noise(&graph, &local, step, points.len(), workers)?;
         tree.thin_planes(&mut local, &noise, step, workers)?;
         let surfaces =
@@ -140,6 +142,7 @@ fn segment_evenly(
     labels = swept(accept(tree, &graph, &noise, &labels, surfaces, workers)?)?;
     labels = merge(&graph, &fitted(&labels), &labels, surfaces);
     labels = pieces(points, &graph, &labels);
+    labels = join_strips(tree, &graph, &fitted(&labels), &labels, surfaces, workers)?;
     labels = accept_parts(tree, &graph, &noise, &labels, surfaces, workers)?;
     for _ in 0..PASSES {
         labels = without_patches(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;

@@ -36,16 +36,7 @@ struct Planes {
 
 impl Clusters for Planes {
     fn gain(&self, a: usize, b: usize, bonus: f64) -> Option<f64> {
-        let (first, second) = (&self.regions[a], &self.regions[b]);
-        let both = joined(first, second);
-        let planes = [first, second, &both].map(Region::spread);
-        let rise =
-            squares(&planes[2], &both) - squares(&planes[0], first) - squares(&planes[1], second);
-        let counts = [first.moments.count, second.moments.count];
-        let variance =
-            self.freedom.variance([(first, &planes[0]), (second, &planes[1])], &planes[2]);
-        let worth = self.freedom.worth(counts) + 2.0 * bonus;
-        let gain = (worth - rise / variance) / (counts[0] + counts[1]);
+        let gain = self.freedom.gain([&self.regions[a], &self.regions[b]], bonus);
         (gain > 0.0).then_some(gain)
     }
 
@@ -79,6 +70,23 @@ impl Freedom {
             self.law.sigma(sigma, extent(spread), extent(both)).powi(2)
         });
         a.max(b).min(UNEQUAL * a.min(b))
+    }
+
+    /// What each point gains when two regions become one plane, in variances.
+    fn gain(&self, [first, second]: [&Region; 2], bonus: f64) -> f64 {
+        let both = joined(first, second);
+        let planes = [first, second, &both].map(Region::spread);
+        let rise =
+            squares(&planes[2], &both) - squares(&planes[0], first) - squares(&planes[1], second);
+        let counts = [first.moments.count, second.moments.count];
+        let variance = self.variance([(first, &planes[0]), (second, &planes[1])], &planes[2]);
+        let worth = self.worth(counts) + 2.0 * bonus;
+        (worth - rise / variance) / (counts[0] + counts[1])
+    }
+
+    /// Whether two regions may be one plane, whether or not they touch.
+    pub fn allows(&self, pair: [&Region; 2]) -> bool {
+        self.gain(pair, 0.0) > 0.0
     }
 
     /// How much the sum of squares may rise, in variances, when two parts of so many points become

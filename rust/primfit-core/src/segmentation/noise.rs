@@ -1,8 +1,10 @@
 //! The noise around every point, from neighbourhoods that are flat.
 
 use super::graph::Graph;
-use crate::neighbors::normals::LocalPlane;
-use crate::{Error, Workers};
+use crate::neighbors::normals::{LocalPlane, MOST as MOST_POINTS};
+use crate::neighbors::{PointTree, Search};
+use crate::spread::dot;
+use crate::{Error, Vector, Workers};
 
 /// Flat neighbourhoods that tell whether all points have one noise.
 const FEWEST: usize = 64;
@@ -11,6 +13,10 @@ const EXACT: f64 = 1e8;
 /// Shares of flat neighbourhoods that are such planes where values come in steps: by chance none
 /// are, and more than half are where there is no noise at all.
 const STEPPED: (f64, f64) = (0.005, 0.5);
+/// Such neighbourhoods that are asked for others beside them.
+const MOST: usize = 1024;
+/// What rounding makes of the cosine between two that are parallel: the square of their angle.
+const ROUNDING: f64 = 1e-8;
 /// Parameters of a plane.
 const PARAMETERS: f64 = 3.0;
 /// Standard deviations of the logarithm of the noise, exceeded by one neighbourhood in ten, from
@@ -69,17 +75,52 @@ pub fn spread_noise(
 
 /// Whether values come in steps, as ranges and depths of some sensors do; then neighbourhoods
 /// within one step, which are planes but for rounding, no longer pass as flat: they tell nothing.
-pub fn without_steps(local: &mut [LocalPlane]) -> bool {
+///
+/// Beside a step is the next one, parallel to it; a plane without noise has none.
+pub fn without_steps(tree: &PointTree, local: &mut [LocalPlane], step: usize) -> bool {
     let n_flat = local.iter().filter(|plane| plane.is_flat).count() as f64;
     let is_exact = |plane: &LocalPlane| plane.is_flat && plane.flatness > EXACT;
-    let share = local.iter().filter(|plane| is_exact(plane)).count() as f64 / n_flat;
-    let is_stepped = share > STEPPED.0 && share < STEPPED.1;
+    let exact: Vec<usize> = (0..local.len()).filter(|&k| is_exact(&local[k])).collect();
+    let share = exact.len() as f64 / n_flat;
+    if !(share > STEPPED.0 && share < STEPPED.1) {
+        return false;
+    }
+    let mut search = Search::default();
+    let n_asked = exact.len().min(MOST);
+    let n_beside = (0..n_asked)
+        .map(|k| exact[k * exact.len() / n_asked])
+        .filter(|&k| is_beside_another(tree, local, step, k, &mut search))
+        .count();
+    let is_stepped = share * n_beside as f64 / n_asked as f64 > STEPPED.0;
     if is_stepped {
-        for plane in local.iter_mut().filter(|plane| is_exact(plane)) {
-            plane.is_flat = false;
+        for k in exact {
+            local[k].is_flat = false;
         }
     }
     is_stepped
+}
+
+/// Whether there is a plane but for rounding parallel to another one within its vicinity.
+fn is_beside_another(
+    tree: &PointTree,
+    local: &[LocalPlane],
+    step: usize,
+    k: usize,
+    search: &mut Search,
+) -> bool {
+    let (points, own) = (tree.points(), &local[k]);
+    let at = &points[k * step];
+    tree.nearest(at, MOST_POINTS, search).iter().any(|near| {
+        let place = near.place as usize;
+        let away: Vector = std::array::from_fn(|axis| points[place][axis] - at[axis]);
+        let other = &local[place / step];
+        let off = dot(&own.normal, &away).abs();
+        place.is_multiple_of(step)
+            && other.is_flat
+            && other.flatness > EXACT
+            && 1.0 - dot(&own.normal, &other.normal).abs() < ROUNDING
+            && off > ROUNDING.sqrt() * near.squared.sqrt()
+    })
 }
 
 /// The noise of all points where flat neighbourhoods do not tell that it differs; None where they

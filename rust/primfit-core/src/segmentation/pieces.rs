@@ -18,7 +18,7 @@ const USUAL: usize = 4;
 const MOST: usize = 8;
 /// How much more points a gap must leave out than the logarithm of how many places it could be at:
 /// chance leaves out so many once in a thousand planes, `exp(-6.9)`.
-const CHANCE: f64 = 6.9;
+pub const CHANCE: f64 = 6.9;
 
 /// The labels with each piece its own; pieces too small for a plane stay with the largest one that
 /// they touch.
@@ -98,7 +98,7 @@ fn without_chance_gaps(
 }
 
 /// What lies between two parts of a plane.
-struct Gap {
+pub struct Gap {
     /// Points that would be there if they were as dense as in the parts.
     n_missing: f64,
     /// Points of the parts.
@@ -106,13 +106,14 @@ struct Gap {
 }
 
 impl Gap {
-    fn is_chance(&self) -> bool {
+    /// Whether chance leaves it.
+    pub fn is_chance(&self) -> bool {
         self.n_missing < (self.n_points as f64).ln() + CHANCE
     }
 }
 
 /// The gap is as long as its shortest bridge, and as wide as the parts face each other.
-fn gap(
+pub fn gap(
     points: &[Vector],
     graph: &Graph,
     labels: &[i32],
@@ -143,20 +144,30 @@ fn gap(
         })
     });
     let width = (one[1].min(other[1]) - one[0].max(other[0])).max(0.0);
-    let (mut sum, mut n_points) = (0.0, 0_u32);
-    for place in all() {
-        let own = graph.of(place as usize).iter();
+    let spacing = spacing(points, graph, labels, all());
+    let n_missing = length * (width + spacing) / spacing.powi(2);
+    Gap { n_missing, n_points: pair.iter().map(|part| part.len()).sum() }
+}
+
+/// Spacing of points on the surfaces of their labels: the nearest of points that are scattered over
+/// a plane is half of it away, on average.
+pub fn spacing(
+    points: &[Vector],
+    graph: &Graph,
+    labels: &[i32],
+    places: impl Iterator<Item = u32>,
+) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for place in places {
+        let own = &labels[place as usize];
         if let Some(&near) =
-            own.clone().find(|&&near| labels[near as usize] == labels[place as usize])
+            graph.of(place as usize).iter().find(|&&near| labels[near as usize] == *own)
         {
-            sum += squared_distance(at(place), at(near)).sqrt();
-            n_points += 1;
+            sum += squared_distance(&points[place as usize], &points[near as usize]).sqrt();
+            count += 1.0;
         }
     }
-    // The nearest of points that are scattered over a plane is half of a spacing away, on average.
-    let spacing = 2.0 * sum / f64::from(n_points);
-    let n_missing = length * (width + spacing) / spacing.powi(2);
-    Gap { n_missing, n_points: n_points as usize }
+    2.0 * sum / count
 }
 
 fn unit(vector: &Vector) -> Vector {
