@@ -139,8 +139,8 @@ class TestMixedPixels:
     EDGE = np.arctan2(0.5, 2.5)
 
     def scan(self, **changes):
-        azimuth = self.EDGE + np.linspace(-0.02, 0.02, 401)
-        beams = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(401)], axis=1)
+        azimuth = self.EDGE + np.linspace(-0.02, 0.02, 400)
+        beams = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(400)], axis=1)
         lidar = primfit.Lidar(
             beams=beams[None], max_range=20.0, mount=(0, 0, 0.5), beam_divergence=0.01, **changes
         )
