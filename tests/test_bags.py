@@ -17,7 +17,8 @@ rosbags = pytest.importorskip("rosbags")
 from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
 from rosbags.rosbag2 import StoragePlugin  # noqa: E402
 from rosbags.rosbag2 import Writer as Writer2  # noqa: E402
-from rosbags.typesys import Stores, get_typestore  # noqa: E402
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E402
+from scipy.spatial.transform import Rotation  # noqa: E402
 
 KINDS = ["ros1", "sqlite3", "mcap"]
 START = 1_700_000_000
@@ -29,6 +30,9 @@ class Recorder:
     def __init__(self, kind, folder):
         self.kind = kind
         self.store = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.LATEST)
+        if kind == "ros1":
+            text = "geometry_msgs/TransformStamped[] transforms"
+            self.store.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
         if kind == "ros1":
             self.path = folder / "drive.bag"
             self.writer = Writer1(self.path)
@@ -84,6 +88,29 @@ class Recorder:
             range_max=8.0,
             ranges=np.asarray(ranges, np.float32),
             intensities=np.array([], np.float32),
+        )
+
+    def transform(self, topic, seconds, parent, child, place, turn):
+        """`turn` is a rotation vector, radians."""
+        types, kind = self.store.types, "tf2_msgs/msg/TFMessage"
+        header = self.header(seconds)
+        header.frame_id = parent
+        x, y, z, w = Rotation.from_rotvec(turn).as_quat().tolist()
+        one = types["geometry_msgs/msg/TransformStamped"](
+            header=header,
+            child_frame_id=child,
+            transform=types["geometry_msgs/msg/Transform"](
+                translation=types["geometry_msgs/msg/Vector3"](*place),
+                rotation=types["geometry_msgs/msg/Quaternion"](x, y, z, w),
+            ),
+        )
+        if topic not in self.connections:
+            self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.store)
+        serialize = self.store.serialize_ros1 if self.kind == "ros1" else self.store.serialize_cdr
+        self.writer.write(
+            self.connections[topic],
+            int(1e9 * (START + seconds)),
+            serialize(types[kind](transforms=[one]), kind),
         )
 
     def odometry(self, topic, seconds, x, y, yaw):
@@ -172,6 +199,88 @@ def test_a_moving_laser_in_a_room(kind, tmp_path):
     (cloud, *_) = primfit.read_clouds(recorder.path)
     assert np.isnan(cloud.points[3:6]).all()
     assert np.isfinite(np.delete(cloud.points, [3, 4, 5], axis=0)).all()
+
+
+class TestTransforms:
+    """A drive along x, turning in space, with the lidar tilted on the robot; odom drifts in map."""
+
+    MOUNT = ((0.2, 0.0, 0.5), (0.0, 0.3, 0.0))
+    TURN = np.array([0.1, 0.2, 0.8])
+
+    def record(self, kind, folder, clouds, *, extra=()):
+        slash = "/" if kind == "ros1" else ""
+        with Recorder(kind, folder) as recorder:
+            recorder.transform("/tf_static", 0.0, f"{slash}base", f"{slash}lidar", *self.MOUNT)
+            for t in (1.0, 0.0, 2.0):
+                at = [3.0 * t, 0.0, 0.0]
+                recorder.transform("/tf", t, "odom", "base", at, t * self.TURN)
+            for t in (0.0, 1.5):
+                recorder.transform("/tf", t, "map", "odom", [0.0, t, 0.0], [0.0, 0.0, 0.0])
+            for more in extra:
+                recorder.transform(*more)
+            for t, points in zip((0.25, 1.4, 1.75), clouds, strict=True):
+                recorder.cloud("/points", t, points)
+        return recorder.path
+
+    def expected(self, t, points, *, in_map):
+        robot = Rotation.from_rotvec(t * self.TURN)
+        on_robot = Rotation.from_rotvec(self.MOUNT[1]).apply(points) + self.MOUNT[0]
+        return robot.apply(on_robot) + np.array([3.0 * t, t * in_map, 0.0])
+
+    @pytest.mark.parametrize("kind", KINDS)
+    def test_lead_from_the_sensor_to_the_fixed_frame(self, kind, clouds, tmp_path):
+        path = self.record(kind, tmp_path, clouds)
+        with pytest.warns(UserWarning, match="1 of 3 messages have no point, or no pose"):
+            in_map = primfit.read_scan(path, "/points")
+        in_odom = primfit.read_scan(path, "/points", fixed_frame="odom")
+        for scan, is_map, times in ((in_map, 1.0, (0.25, 1.4)), (in_odom, 0.0, (0.25, 1.4, 1.75))):
+            assert np.unique(scan.pose_index).tolist() == [*range(len(times))]
+            for k, t in enumerate(times):
+                own = scan.pose_index == k
+                expected = self.expected(t, clouds[k], in_map=is_map)
+                # Stamps have 2e-7 s left in float64, at speeds of some m/s.
+                np.testing.assert_allclose(scan.points[own], expected, atol=1e-5)
+                origin = self.expected(t, np.zeros((1, 3)), in_map=is_map)
+                np.testing.assert_allclose(scan.origins[own], np.tile(origin, (40, 1)), atol=1e-5)
+
+    def test_of_a_frame_beside_the_way_up(self, clouds, tmp_path):
+        beside = ("/tf_static", 0.0, "odom", "world", [1.0, 2.0, 0.0], [0.0, 0.0, np.pi / 2])
+        path = self.record("mcap", tmp_path, clouds, extra=[beside])
+        scan = primfit.read_scan(path, "/points", fixed_frame="world")
+        own = scan.pose_index == 0
+        in_odom = self.expected(0.25, clouds[0], in_map=0.0) - [1.0, 2.0, 0.0]
+        expected = np.stack([in_odom[:, 1], -in_odom[:, 0], in_odom[:, 2]], axis=1)
+        np.testing.assert_allclose(scan.points[own], expected, atol=1e-5)
+
+    def test_mistakes(self, clouds, tmp_path):
+        path = self.record("mcap", tmp_path, clouds)
+        for options, told in (
+            (
+                {"fixed_frame": "earth"},
+                "from 'lidar' to 'earth'; .* base -> lidar, map -> odom, odom -> base",
+            ),
+            ({"mount": (0, 0, 1)}, "mount must not be given without poses"),
+            ({"poses": np.zeros((3, 3)), "fixed_frame": "map"}, "fixed_frame is for poses=None"),
+        ):
+            with pytest.raises(ValueError, match=told):
+                primfit.read_scan(path, "/points", **options)
+        torn = ("/tf", 0.5, "garage", "base", [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+        (tmp_path / "torn").mkdir()
+        path = self.record("mcap", tmp_path / "torn", clouds, extra=[torn])
+        with pytest.raises(ValueError, match="frame 'base' has two parents, 'odom' and 'garage'"):
+            primfit.read_scan(path, "/points")
+        for name, links, told in (
+            ("bare", [], "it has no transforms, as /tf"),
+            ("other", [("base", "lidar")], "none of 'map', 'odom' is above .* base -> lidar"),
+            ("ring", [("base", "lidar"), ("lidar", "base")], "is its own ancestor"),
+        ):
+            (tmp_path / name).mkdir()
+            with Recorder("mcap", tmp_path / name) as recorder:
+                recorder.cloud("/points", 0, clouds[0])
+                for link in links:
+                    recorder.transform("/tf_static", 0, *link, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+            with pytest.raises(ValueError, match=told):
+                primfit.read_scan(recorder.path, "/points")
 
 
 def test_mistakes(clouds, tmp_path, monkeypatch):

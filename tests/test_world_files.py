@@ -131,6 +131,32 @@ class TestWebots:
         assert (cylinder.kind, cylinder.size) == ("circle", pytest.approx(0.1, rel=1e-2))
         assert tetrahedron.volume == pytest.approx(0.2 * 0.2 * 0.25 / 6)
 
+    def test_walls_of_lego(self, tmp_path):
+        """Boxes of 16 x 50 x 96 mm, y up in their own frame, whatever the frame of the world."""
+        (tmp_path / "old.wbt").write_text(
+            """#VRML_SIM R2020a utf8
+            RectangleArena { translation 0.5 0 0.5 }
+            LegoWall { }
+            LegoWall { translation 0.3 0.025 0.4 rotation 0 1 0 1.5707963267948966 name "b" }"""
+        )
+        (tmp_path / "new.wbt").write_text(
+            """#VRML_SIM R2023b utf8
+            LegoWall { translation 0.4 0.3 0.025 rotation -0.57735 -0.57735 -0.57735 -2.0943951 }
+            LegoWall { name "b" }"""
+        )
+        old, new = (primfit.World.load(tmp_path / name) for name in ("old.wbt", "new.wbt"))
+        assert old.left_out == new.left_out == {}
+        for wall, at, size in zip(
+            (*old.solids, *new.solids),
+            ((0, 0), (0.4, 0.3), (0.4, 0.3), (0, 0)),
+            ((0.096, 0.016), (0.016, 0.096), (0.096, 0.016), (0.096, 0.016)),
+            strict=True,
+        ):
+            assert (wall.kind, wall.base) == ("rectangle", pytest.approx(0.0, abs=1e-8))
+            assert wall.height == pytest.approx(0.05)
+            np.testing.assert_allclose(wall.center[:2], at, atol=1e-8)
+            np.testing.assert_allclose(np.ptp(wall.footprint, axis=0), size, atol=1e-6)
+
     def test_y_up(self, tmp_path):
         """Before R2022a x is north, y up and z east."""
         (tmp_path / "old.wbt").write_text(

@@ -39,8 +39,11 @@ from primfit.scans.scan import Scan, as_sigma
 _PATCHES = 9
 """Patches that tell the noise and the spacing: the median of as many is robust to four odd ones."""
 
-_PATCH_POINTS = 20_000
-"""Points of a patch: some dozens of the largest neighbourhoods."""
+_PATCH_POINTS = 8_000
+"""Points of a patch: twenty of the largest neighbourhoods, so that one fits well within it."""
+
+_INNER_POINTS = 2_000
+"""Points in the middle of a patch, which reaches twice as far: their neighbourhoods are whole."""
 
 _NEIGHBOURHOOD = 384
 """Points of the largest neighbourhood that `detect_planes` looks at around a point."""
@@ -112,7 +115,8 @@ def planes_by_tiles(
         noise, reach = (None, 0.0)
         if halo is None or (given is None and limit is None):
             noise, reach = _noise_and_reach(store, n_jobs)
-        width = min(2.0 * reach, side) if halo is None else float(halo)
+        # Thus far, every point of a tile has the neighbourhood that it has in the whole.
+        width = min(reach, side) if halo is None else float(halo)
         common = noise if given is None and limit is None else given
 
         def load(tile: Tile) -> tuple[Any, ...]:
@@ -222,7 +226,8 @@ def _noise_and_reach(store: TileStore, n_jobs: int | None) -> tuple[float, float
         if is_flat.any():
             noise.append(float(np.median(parts.sigma[is_flat])))
         local = patch - middle
-        some = np.ascontiguousarray(local[:: max(1, len(local) // 1000)])
+        inner = local[: min(_INNER_POINTS, len(local))]
+        some = np.ascontiguousarray(inner[:: max(1, len(inner) // 1000)])
         n_near = min(_NEIGHBOURHOOD, len(local))
         distances = _primfit.PointTree(local, n_jobs).neighbors(some, n_near)[1]
         radii.append(float(np.quantile(distances[:, -1], 0.9)))

@@ -26,8 +26,9 @@ def load_arrays(
     indices: Collection[str],
     numbers: Collection[str],
     paths: Collection[str],
+    truths: Collection[str],
 ) -> dict[str, Any]:
-    """Arrays, whole numbers of beams, numbers and paths of a scan; all arrays must be there.
+    """Arrays, whole numbers, numbers, paths and truths of a scan; all arrays must be there.
 
     Raises
     ------
@@ -45,7 +46,7 @@ def load_arrays(
         with Archive(path) as archive:
             if "primfit" not in archive or archive["primfit"] != "scan":
                 raise ValueError("it has no array 'primfit' that says 'scan'")
-            names = sorted({*arrays, *indices, *numbers, *paths} & {*archive})
+            names = sorted({*arrays, *indices, *numbers, *paths, *truths} & {*archive})
             missing = [name for name in arrays if name not in names]
             if missing:
                 raise ValueError(f"it lacks {', '.join(missing)}")
@@ -64,7 +65,12 @@ def load_arrays(
 
 def _checked(name: str, array: Field, n: int, is_index: bool, is_number: bool) -> Any:
     """An array of a scan of `n` beams, whose type and shape are right."""
-    shapes: list[tuple[int, ...]] = [(n,)] if is_index or name == "ranges" else [(n, 3)]
+    if name == "is_mixed":
+        if array.shape != (n,) or array.dtype.kind != "b":
+            raise ValueError(f"its array {name!r} is {array.dtype} {array.shape}")
+        return array
+    is_column = is_index or name in ("ranges", "true_ranges")
+    shapes: list[tuple[int, ...]] = [(n,)] if is_column else [(n, 3)]
     if is_number:
         shapes = [(), (n,)] if name == "sigma" else [()]
     if array.shape not in shapes or array.dtype.kind not in ("iu" if is_index else "fiu"):

@@ -18,6 +18,7 @@ from primfit.clouds.messages import beams_of_message, cloud_of_message, pose_of_
 from primfit.scans.lidar import Lidar
 from primfit.scans.scan import Scan
 from primfit.scans.scanning import as_transforms
+from primfit.scans.transforms import FrameTree, between
 
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 _LASER = "sensor_msgs/msg/LaserScan"
@@ -26,6 +27,11 @@ _POSES = (
     "geometry_msgs/msg/PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
 )
+
+_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+
+_FIXED = ("map", "odom")
+"""Frames in which a robot says where it is (REP 105), the one without drift first."""
 
 
 def is_bag(file: str | PathLike[str]) -> bool:
@@ -74,8 +80,9 @@ def read_clouds(bag: str | PathLike[str], topic: str | None = None) -> Iterator[
 def read_scan(
     bag: str | PathLike[str],
     topic: str | None,
-    poses: ArrayLike | str,
+    poses: ArrayLike | str | None = None,
     *,
+    fixed_frame: str | None = None,
     mount: ArrayLike = (0.0, 0.0, 0.0),
     sigma: ArrayLike | None = None,
     min_range: float | None = None,
@@ -89,12 +96,17 @@ def read_scan(
         As in `read_clouds`.
     topic : str or None
         Of PointCloud2 or LaserScan. None is the only one of these that the recording has.
-    poses : (m, 3) or (m, 4, 4) float64, or str
+    poses : (m, 3) or (m, 4, 4) float64, or str, or None
         One for each message: planar poses of the robot (x, y in metres, yaw in radians), to which
         the mount is added, or rigid transforms ``T_world_sensor``. Or the topic of Odometry,
         PoseStamped or PoseWithCovarianceStamped that tells the robot's pose. It is interpolated at
         the time of each message, and of each beam of a LaserScan; what was measured before the
-        first pose or after the last is left out.
+        first pose or after the last is left out. None takes the transforms that are recorded, as on
+        /tf and /tf_static, interpolated in the same way between the two around each time; these
+        have the mount in them.
+    fixed_frame : str or None
+        Frame of the points where `poses` is None. None is "map", or "odom" where no map is above
+        the sensor's frame.
     mount : (3,) or (4, 4)
         Where the sensor sits in the robot's frame, as in `Lidar`.
     sigma : float or None, metres
@@ -114,7 +126,8 @@ def read_scan(
     FileNotFoundError, ModuleNotFoundError
         As `read_clouds` does.
     ValueError
-        As `read_clouds` does, and when the poses are as many as the messages, or cover none.
+        As `read_clouds` does, and when the poses are not as many as the messages, or cover none,
+        or when no transforms connect the sensor with the fixed frame.
 
     Warns
     -----
@@ -128,9 +141,16 @@ def read_scan(
     >>> primfit.detect(scan)  # doctest: +SKIP
     """
     carrier = Lidar(mount=mount)
+    if poses is None and not np.array_equal(carrier.mount, np.eye(4)):
+        raise ValueError("mount must not be given without poses: the transforms have it in them")
+    if poses is not None and fixed_frame is not None:
+        raise ValueError("fixed_frame is for poses=None, which takes them from transforms")
     with _opened(bag) as reader:
         messages = list(_messages(reader, _connections(bag, reader, topic, (_CLOUD, _LASER))))
-        if isinstance(poses, str):
+        if poses is None:
+            frames = [message.header.frame_id for _, message in messages]
+            pose_at = _of_transforms(bag, reader, frames, fixed_frame)
+        elif isinstance(poses, str):
             track = list(_messages(reader, _connections(bag, reader, poses, _POSES)))
             pose_at = _track(track, carrier)
         else:
@@ -196,26 +216,51 @@ def _one_each(poses: ArrayLike, carrier: Lidar, n_messages: int) -> PoseAt:
 
 def _track(messages: list[tuple[float, Any]], carrier: Lidar) -> PoseAt:
     """Poses between those of messages: places linearly, turns along the shortest way."""
-    from scipy.spatial.transform import Rotation, Slerp
-
-    stamps, first = np.unique([stamp for stamp, _ in messages], return_index=True)
-    poses = [pose_of_message(messages[row][1]) for row in first]
-    places = np.array([place for place, _ in poses])
-    turns = Rotation.from_quat([quaternion for _, quaternion in poses])
-    turn_at = Slerp(stamps, turns) if len(stamps) > 1 else lambda times: turns[[0] * len(times)]
+    poses = [pose_of_message(message) for _, message in messages]
+    robot_at = between([stamp for stamp, _ in messages], *zip(*poses, strict=True))
 
     def pose_at(_: int, times: Floats) -> tuple[Bools, Floats]:
-        is_known = (times >= stamps[0]) & (times <= stamps[-1])
-        times = times[is_known]
-        transforms = np.zeros((len(times), 4, 4))
-        transforms[:, 3, 3] = 1.0
-        if len(times):
-            transforms[:, :3, :3] = turn_at(times).as_matrix()
-            for k in range(3):
-                transforms[:, k, 3] = np.interp(times, stamps, places[:, k])
+        is_known, transforms = robot_at(times)
         return is_known, transforms @ carrier.mount
 
     return pose_at
+
+
+def _of_transforms(
+    bag: str | PathLike[str], reader: Any, frames: list[str], fixed_frame: str | None
+) -> PoseAt:
+    """Poses of the frames (n,) of messages from the transforms of a recording."""
+    chosen = [each for each in reader.connections if each.msgtype in _TRANSFORMS]
+    try:
+        if not chosen:
+            raise ValueError("it has no transforms, as /tf and /tf_static; give poses")
+        tree = FrameTree(
+            (transform, connection.topic.endswith("_static"))
+            for connection, _, content in reader.messages(connections=chosen)
+            for transform in reader.deserialize(content, connection.msgtype).transforms
+        )
+        poses_of = {
+            frame: tree.poses(frame, fixed_frame or _fixed(tree, frame)) for frame in frames
+        }
+    except ValueError as error:
+        raise ValueError(f"{as_path(bag)} tells no poses: {error}") from None
+
+    def pose_at(row: int, times: Floats) -> tuple[Bools, Floats]:
+        return poses_of[frames[row]](times)
+
+    return pose_at
+
+
+def _fixed(tree: FrameTree, frame: str) -> str:
+    """The usual frame of a map that a sensor is in."""
+    chain = tree.chain(frame)
+    for name in _FIXED:
+        if name in chain:
+            return name
+    raise ValueError(
+        f"none of {', '.join(map(repr, _FIXED))} is above the sensor's frame {frame!r}; give "
+        f"fixed_frame, of {tree}"
+    )
 
 
 @contextmanager

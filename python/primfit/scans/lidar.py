@@ -18,6 +18,10 @@ E_PUCK_TURRET = (-0.0095, 0.0, 0.0486)
 _MOST_BEAMS = 100_000
 """Layers, or columns, of a sensor."""
 
+_WIDEST = 0.5
+"""Full angle of a cone of light, radians: wider ones are no beams, and the mean of a few rays does
+not stand for them."""
+
 
 @dataclass(frozen=True, eq=False)
 class Lidar:
@@ -52,6 +56,32 @@ class Lidar:
         Directions in the sensor's frame, for a sensor whose beams are no grid of angles: layers
         that are not evenly apart, or a rosette. They replace the layers, columns and fields of
         view, which are read off them.
+    noise_per_metre : float, metres per metre
+        Standard deviation along the beam that grows with the range; its variance adds to that of
+        `noise`.
+    beam_divergence : float, radians
+        Full angle of the cone of light; 0 for a line. The reading is the mean range over the
+        footprint, so that at an edge it may lie between two surfaces (a mixed pixel). It also adds
+        noise at slanting incidence: which part of the footprint returns is as uncertain as a
+        quarter of the divergence (Lichti, Gordon: Error Propagation in Directly Georeferenced
+        Terrestrial Laser Scanner Point Clouds, FIG 2004), thus the range r, at an angle t from the
+        normal, as ``r * beam_divergence / 4 * tan(t)``.
+    pulse_length_ns : float, nanoseconds
+        Surfaces in one footprint farther apart than half of the way of light in this time are told
+        apart: the sensor reads the one that fills more of it. The default, 0.75 m apart, is that of
+        the usual lasers of 5 ns; inf for phase-based sensors, which mix all. Without effect when
+        `beam_divergence` is 0.
+    dropout : float
+        Share of returns that are lost at random, from 0 to 1.
+    detection_range : float or None, metres
+        How far a surface is seen that is met head-on. At an angle t from its normal, a diffuse
+        surface returns less light and is seen no farther than ``detection_range * sqrt(cos(t))``
+        (lidar range equation). None for no such loss.
+    motion_distortion : float
+        Share of the step to the next pose that the robot goes while the sensor makes one turn,
+        from 0 to 1, column by column: 0 where it stops at each pose, 1 where turns follow without
+        a pause. The last pose goes on as the one before. The scan believes that all beams of a
+        turn were taken from where it began.
 
     Raises
     ------
@@ -82,6 +112,12 @@ class Lidar:
     resolution: float = -1.0
     mount: Any = field(default=(0.0, 0.0, 0.06), repr=False)
     beams: Any = field(default=None, repr=False)
+    noise_per_metre: float = 0.0
+    beam_divergence: float = 0.0
+    pulse_length_ns: float = 5.0
+    dropout: float = 0.0
+    detection_range: float | None = None
+    motion_distortion: float = 0.0
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -123,6 +159,7 @@ class Lidar:
         set_field(self, "noise", noise)
         set_field(self, "resolution", resolution)
         set_field(self, "mount", _as_transform(self.mount))
+        self._check_imperfections()
         if self.number_of_layers > 1 and self.beams is None:
             most = vertical * self.horizontal_resolution / horizontal
             if self.number_of_layers >= most:
@@ -132,6 +169,24 @@ class Lidar:
                     f"field_of_view = {most:.3g}",
                     stacklevel=3,
                 )
+
+    def _check_imperfections(self) -> None:
+        for name, most, unit in (
+            ("noise_per_metre", 1.0, "metre per metre"),
+            ("beam_divergence", _WIDEST, "radians, a full angle"),
+            ("dropout", 1.0, "a share of the returns"),
+            ("motion_distortion", 1.0, "a share of the step to the next pose"),
+        ):
+            value = number(name, getattr(self, name), low=0.0)
+            if value > most:
+                raise ValueError(f"{name} must be at most {most:g} {unit}, not {value!r}")
+            object.__setattr__(self, name, value)
+        if self.pulse_length_ns != np.inf:
+            pulse = number("pulse_length_ns", self.pulse_length_ns, low=0.0)
+            object.__setattr__(self, "pulse_length_ns", pulse)
+        if self.detection_range is not None:
+            reach = number("detection_range", self.detection_range, above=0.0)
+            object.__setattr__(self, "detection_range", reach)
 
     def _measure_beams(self) -> None:
         """Check the directions, and set layers, columns and fields of view to theirs."""
@@ -382,10 +437,59 @@ class Lidar:
         )
 
     @property
+    def is_perfect(self) -> bool:
+        """Whether beams are lines from a sensor at rest, with one noise and no losses."""
+        return not (
+            self.noise_per_metre
+            or self.beam_divergence
+            or self.dropout
+            or self.motion_distortion
+            or self.detection_range is not None
+        )
+
+    @property
+    def rounding(self) -> float:
+        """Standard deviation of the rounding to `resolution`, metres."""
+        return float(max(self.resolution, 0.0) / np.sqrt(12.0))
+
+    @property
     def sigma(self) -> float:
-        """Standard deviation of a range, metres: noise and rounding together."""
-        step = max(self.resolution, 0.0)
-        return float(np.hypot(self.noise * self.max_range, step / np.sqrt(12.0)))
+        """Standard deviation of a range, metres: noise and rounding together.
+
+        Of the part that all ranges share; `sigma_at` has that of each.
+        """
+        return float(np.hypot(self.noise * self.max_range, self.rounding))
+
+    def sigma_at(self, ranges: ArrayLike, incidence: ArrayLike = 0.0) -> Floats:
+        """Standard deviations of ranges, metres: noise and rounding together.
+
+        Parameters
+        ----------
+        ranges : (...) float64, metres
+            inf, for no return, is taken as `max_range`.
+        incidence : (...) float64, radians
+            Between beam and normal of the surface; 0 is head-on.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> primfit.Lidar(noise=0.01, max_range=3.0, noise_per_metre=0.02).sigma_at([0.0, 2.0])
+        array([0.03, 0.05])
+        """
+        reach = np.minimum(as_floats("ranges", ranges), self.max_range)
+        sigma: Floats = np.hypot(
+            self.noise_at(reach, as_floats("incidence", incidence)), self.rounding
+        )
+        return sigma
+
+    def noise_at(self, ranges: Floats, incidence: Floats) -> Floats:
+        """As `sigma_at`, of the noise alone and for finite ranges."""
+        grown = self.noise_per_metre * ranges
+        # Half the footprint misses a plane that is closer to the beam than half its divergence.
+        slope = np.tan(np.minimum(incidence, np.pi / 2 - self.beam_divergence / 2))
+        slanted = self.beam_divergence / 4 * ranges * slope
+        noise: Floats = np.sqrt((self.noise * self.max_range) ** 2 + grown**2 + slanted**2)
+        return noise
 
 
 def _turn_of_layers(elevations: Floats, columns: int) -> Floats:

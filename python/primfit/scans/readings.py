@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit import _primfit
-from primfit._check import as_floats, instance
+from primfit._check import Floats, as_floats, instance
 from primfit.scans.lidar import Lidar
 from primfit.scans.scan import Scan
 from primfit.scans.scanning import as_transforms
@@ -37,10 +37,16 @@ def scan_of_readings(
         poses[pose, :3, 3],
         directions[rows],
         lengths[rows],
-        (lidar.sigma or None) if sigma is None else sigma,
+        _sigma_of(lidar, lengths[rows]) if sigma is None else sigma,
         min_range=lidar.min_range,
         max_range=lidar.max_range,
         layer=beam // columns,
         column=beam % columns,
         pose_index=pose,
     )
+
+
+def _sigma_of(lidar: Lidar, ranges: Floats) -> float | Floats | None:
+    if lidar.noise_per_metre:
+        return lidar.sigma_at(ranges)
+    return lidar.sigma or None

@@ -38,6 +38,7 @@ _ARRAYS = ("points", "origins", "directions", "ranges")
 _INDICES = ("layer", "column", "pose_index", "solid_index")
 _NUMBERS = ("sigma", "min_range", "max_range")
 _PATHS = ("path", "true_path")
+TRUTHS = ("true_ranges", "true_points", "is_mixed")
 
 _FAR = 400.0
 """How many times farther points are from the origin than half of them from their middle, when they
@@ -74,6 +75,13 @@ class Scan(Shown):
         `pose_index`; None where the sensor did not move in the plane, or they are not known.
     true_path : (p, 3) float64 or None
         The truth, where it is known: it differs from `path` where `primfit.scan` was told so.
+    true_ranges : (n,) float64 or None, metres
+        The truth of a sensor with imperfections (see `Lidar`): how far the axis of the beam goes to
+        what it meets, within range or not; inf for nothing.
+    true_points : (n, 3) float64 or None, metres
+        Where it meets that, wherever the robot believes to be; NaN for nothing.
+    is_mixed : (n,) bool or None
+        Whether the light that was read came from more than one plane: a mixed pixel.
 
     Notes
     -----
@@ -94,6 +102,9 @@ class Scan(Shown):
     max_range: float | None = None
     path: Floats | None = None
     true_path: Floats | None = None
+    true_ranges: Floats | None = None
+    true_points: Floats | None = None
+    is_mixed: Bools | None = None
 
     def __post_init__(self) -> None:
         for name in (*_ARRAYS, *_INDICES):
@@ -348,7 +359,7 @@ class Scan(Shown):
             if index.size and not (-n <= index.min() and index.max() < n):
                 raise ValueError(f"rows must be below {n}, not {index.min()} to {index.max()}")
         changes: dict[str, Any] = {name: getattr(self, name)[index] for name in _ARRAYS}
-        for name in _INDICES:
+        for name in (*_INDICES, *TRUTHS):
             array = getattr(self, name)
             changes[name] = None if array is None else array[index]
         sigma = self.sigma[index] if isinstance(self.sigma, np.ndarray) else self.sigma
@@ -362,7 +373,14 @@ class Scan(Shown):
         paths = {name: getattr(self, name) for name in _PATHS}
         step = np.append(offset[:2], 0.0)
         paths = {name: None if path is None else path + step for name, path in paths.items()}
-        return replace(self, points=self.points + offset, origins=self.origins + offset, **paths)
+        truth = None if self.true_points is None else self.true_points + offset
+        return replace(
+            self,
+            points=self.points + offset,
+            origins=self.origins + offset,
+            true_points=truth,
+            **paths,
+        )
 
     @property
     def far_offset(self) -> Floats:
@@ -392,7 +410,7 @@ class Scan(Shown):
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write the scan as a NumPy archive (.npz); every number survives exactly."""
-        names = (*_ARRAYS, *_INDICES, *_NUMBERS, *_PATHS)
+        names = (*_ARRAYS, *_INDICES, *_NUMBERS, *_PATHS, *TRUTHS)
         save_arrays(file, {name: getattr(self, name) for name in names})
 
     @classmethod
@@ -408,7 +426,7 @@ class Scan(Shown):
         MemoryError
             When the memory is too small for it.
         """
-        return cls(**load_arrays(file, _ARRAYS, _INDICES, _NUMBERS, _PATHS))
+        return cls(**load_arrays(file, _ARRAYS, _INDICES, _NUMBERS, _PATHS, TRUTHS))
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draw the returns from above; needs matplotlib."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -10,12 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit import _primfit
-from primfit._check import Bools, Floats, check_finite, generator, instance, n_jobs_or_none
+from primfit._check import Bools, Floats, Ints, check_finite, generator, instance, n_jobs_or_none
 from primfit._progress import Progress, reporting
+from primfit.geometry.motions import wrapped
 from primfit.scans.casting import RayCaster
+from primfit.scans.imperfections import read
 from primfit.scans.lidar import Lidar, check_transforms
 from primfit.scans.path_errors import as_pose_sigmas, carried_along, drifted, misplaced
-from primfit.scans.scan import Scan
+from primfit.scans.scan import TRUTHS, Scan
 from primfit.worlds.places import warn_of_places
 from primfit.worlds.world import World
 
@@ -39,7 +42,11 @@ def scan(
     true range; then Gaussian noise is added along the beam, and the range is rounded to the
     sensor's resolution. A beam without return stays without return. Poses inside a solid are
     passed over, as in the paper, and planar ones outside the arena. The noise of a beam depends on
-    `rng` and on its row alone.
+    `rng` and on its row alone. A lidar with imperfections (see `Lidar`) reads through its
+    footprints, loses returns and moves within a turn; then the scan has the truth of each beam
+    beside it, and its `sigma` is that of each beam where noise grows with range or incidence. No
+    `sigma` holds for mixed pixels, nor for what a moving sensor distorts. Its readings are the same
+    at any `n_jobs`, but on another processor NumPy's functions may round the last digit differently.
 
     Parameters
     ----------
@@ -109,30 +116,38 @@ def scan(
         )
     warn_of_places(world)
     rng = generator(rng)
-    caster = RayCaster(world)._core
     n_jobs = n_jobs_or_none(n_jobs)
     directions = lidar.directions
     layers, columns, _ = directions.shape
     beams = directions.reshape(-1, 3)
     transforms = np.ascontiguousarray(poses[valid].reshape(-1, 16))
-    gate = (lidar.min_range, lidar.max_range, lidar.noise * lidar.max_range, lidar.resolution)
     n_poses, n_beams = len(transforms), len(beams)
-    n = n_poses * n_beams
-    points, ranges, ids = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
     at_once = max(1, _BEAMS_AT_ONCE // n_beams)
     seed = int(rng.integers(1 << 64, dtype=np.uint64))
+    sigma: float | Floats = lidar.sigma
+    truth: dict[str, Any] = {}
     with reporting(progress, n_poses, "pose") as tell:
-        for first in range(0, n_poses, at_once):
-            some = transforms[first : first + at_once]
-            rows = slice(first * n_beams, (first + len(some)) * n_beams)
-            out = points[rows], ranges[rows], ids[rows]
-            caster.scan(some, beams, gate, (seed, rows.start), *out, n_jobs)
-            tell(first + len(some))
+        if lidar.is_perfect:
+            points, ranges, ids = _cast(world, lidar, transforms, at_once, seed, n_jobs, tell)
+        else:
+            turns = partial(
+                _in_turn, path=poses if planar is None else planar, used=valid, lidar=lidar
+            )
+            readings = read(world, lidar, turns, n_poses, seed, n_jobs, tell)
+            points, ranges, ids = (
+                np.empty((n_poses * n_beams, 3)),
+                readings.ranges,
+                readings.solid_index,
+            )
+            if lidar.noise_per_metre or lidar.beam_divergence:
+                sigma = readings.sigma
+            truth = {name: getattr(readings, name) for name in TRUTHS}
     believed = planar
     if planar is not None and sigmas is not None:
         errors = misplaced if step_noise is None else drifted
         believed = carried_along(planar, valid, errors(planar[valid], sigmas, rng))
         transforms = _mounted(believed[valid], lidar).reshape(-1, 16)
+    if truth or believed is not planar:
         for first in range(0, n_poses, at_once):
             some = transforms[first : first + at_once]
             rows = slice(first * n_beams, (first + len(some)) * n_beams)
@@ -149,12 +164,69 @@ def scan(
         column=partial(np.tile, np.arange(columns), n_poses * layers),
         pose_index=partial(np.repeat, valid, n_beams),
         solid_index=ids,
-        sigma=lidar.sigma,
+        sigma=sigma,
         min_range=lidar.min_range,
         max_range=lidar.max_range,
         path=believed,
         true_path=planar,
+        **truth,
     )
+
+
+def _cast(
+    world: World,
+    lidar: Lidar,
+    transforms: Floats,
+    at_once: int,
+    seed: int,
+    n_jobs: int | None,
+    tell: Callable[[int], None],
+) -> tuple[Floats, Floats, Ints]:
+    """Points, ranges and what is met by the beams of a perfect lidar from poses (p, 16)."""
+    caster = RayCaster(world)._core
+    beams = lidar.directions.reshape(-1, 3)
+    gate = (lidar.min_range, lidar.max_range, lidar.noise * lidar.max_range, lidar.resolution)
+    n_poses, n_beams = len(transforms), len(beams)
+    n = n_poses * n_beams
+    points, ranges, ids = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
+    for first in range(0, n_poses, at_once):
+        some = transforms[first : first + at_once]
+        rows = slice(first * n_beams, (first + len(some)) * n_beams)
+        out = points[rows], ranges[rows], ids[rows]
+        caster.scan(some, beams, gate, (seed, rows.start), *out, n_jobs)
+        tell(first + len(some))
+    return points, ranges, ids
+
+
+def _in_turn(some: slice, *, path: Floats, used: Ints, lidar: Lidar) -> Floats:
+    """Sensor poses (k, 1 or columns, 4, 4) at the columns of turns that begin at poses of a path.
+
+    `path` (n, 3) is that of the robot, or (n, 4, 4) that of the sensor; `used` are rows of it.
+    """
+    first = used[some]
+    if not lidar.motion_distortion or len(path) == 1:
+        poses = path[first]
+        return (poses if path.ndim == 3 else _mounted(poses, lidar))[:, None]
+    start = np.minimum(first, len(path) - 2)
+    columns = lidar.horizontal_resolution
+    share = lidar.motion_distortion * np.arange(columns) / columns
+    if path.ndim == 2:
+        step = path[start + 1] - path[start]
+        step[:, 2] = wrapped(step[:, 2])
+        moved = path[first][:, None] + share[:, None] * step[:, None]
+        return _mounted(moved.reshape(-1, 3), lidar).reshape(-1, columns, 4, 4)
+    from scipy.spatial.transform import Rotation
+
+    before, after = path[start], path[start + 1]
+    turn = Rotation.from_matrix(np.einsum("nji,njk->nik", before[:, :3, :3], after[:, :3, :3]))
+    vectors = share[:, None] * turn.as_rotvec()[:, None]
+    turns = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(-1, columns, 3, 3)
+    moved = np.zeros((len(first), columns, 4, 4))
+    moved[..., 3, 3] = 1.0
+    moved[..., :3, :3] = np.einsum("nij,ncjk->ncik", path[first, :3, :3], turns)
+    step = (after - before)[:, None, :3, 3]
+    moved[..., :3, 3] = path[first][:, None, :3, 3] + share[:, None] * step
+    return moved
 
 
 def _noise_of_poses(

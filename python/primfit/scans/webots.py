@@ -137,6 +137,11 @@ def export_webots(
     instance("lidar", sensor, Lidar)
     if sensor.beams is not None:
         raise ValueError("lidar must have beams in a grid of angles, as Webots has them")
+    if not sensor.is_perfect:
+        raise ValueError(
+            f"lidar must have no imperfections that Webots does not know, such as dropout or "
+            f"beam_divergence, not {sensor!r}"
+        )
     poses, _ = as_transforms(path, sensor)
     robots = poses @ np.linalg.inv(sensor.mount)
     place = np.column_stack([robots[:, :3, 3], _axis_angle(robots[:, :3, :3])])

@@ -36,10 +36,12 @@ _BOXES = {
     "SolidBox": [2.0, 2.0, 2.0],
     "CardboardBox": [0.6, 0.6, 0.6],
     "WoodenBox": [0.6, 0.6, 0.6],
+    "LegoWall": [0.016, 0.05, 0.096],
 }
-"""Protos that are a box around their origin, with the default of their field `size`."""
+"""Protos that are a box around their origin, with the default of their field `size`; a LegoWall has
+none, but also a base without thickness, which lies on the floor."""
 
-_STANDING = {"CardboardBox": 0.3, "WoodenBox": 0.3}
+_STANDING = {"CardboardBox": 0.3, "WoodenBox": 0.3, "LegoWall": 0.025}
 """Height of protos that are not told where they are."""
 
 _NO_GEOMETRY = {
@@ -264,7 +266,10 @@ def children_of(node: Node, name: str = "children") -> list[Node]:
 def placement(node: Node, *, is_y_up: bool) -> Floats:
     """Transform of a node's own frame: translation, rotation about an axis, and scale."""
     frame = np.eye(4)
-    x, y, z, angle = _vector(node, "rotation", [0.0, 0.0, 1.0, 0.0])
+    # The second side of a LegoWall is its height, also in worlds whose z is up.
+    is_lying = node.kind == "LegoWall" and not is_y_up
+    turn = [1.0, 1.0, 1.0, 2 * np.pi / 3] if is_lying else [0.0, 0.0, 1.0, 0.0]
+    x, y, z, angle = _vector(node, "rotation", turn)
     length = np.sqrt(x * x + y * y + z * z)
     if angle != 0.0 and length > 0.0:
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / length
