@@ -46,7 +46,7 @@ def scan(
     footprints, loses returns and moves within a turn; then the scan has the truth of each beam
     beside it, and its `sigma` is that of each beam where noise grows with range or incidence. No
     `sigma` holds for mixed pixels, nor for what a moving sensor distorts. Its readings are the same
-    at any `n_jobs`, but on another processor NumPy's functions may round the last digit differently.
+    at any `n_jobs`; on another processor NumPy's functions may round the last digit differently.
 
     Parameters
     ----------
