@@ -173,7 +173,7 @@ widest! {
             let lanes = xs.iter().zip(&*ys).zip(&*zs).zip(&*away).zip(&mut *ranks);
             for ((((own_x, own_y), own_z), away), rank) in lanes {
                 let [x, y, z] = [own_x - x, own_y - y, own_z - z];
-                let is_hidden = (x * x + y * y + z * z < *away) | (*rank <= bridge);
+                let is_hidden = x * x + y * y + z * z < *away || *rank <= bridge;
                 *rank = if is_hidden { HIDDEN } else { *rank };
                 least = if *rank < least { *rank } else { least };
             }
