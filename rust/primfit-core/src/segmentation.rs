@@ -28,7 +28,7 @@ use roughness::Surfaces;
 use splitting::split;
 
 /// Points of which each gets a local plane; of more, every second, third ... up to 32nd does.
-const MOST_LOCAL: usize = 16_384;
+const MOST_LOCAL: usize = 32_768;
 const MOST_STEP: usize = 32;
 /// Least and most nearest neighbours that a point touches: half of what shows a plane.
 const NEAREST: (usize, usize) = (10, 64);
