@@ -372,6 +372,8 @@ mod tests {
                     tree.nearest(point, k, &mut search).iter().map(|n| n.place).collect();
                 let mut by_place = alone.clone();
                 by_place.sort_unstable();
+                crowded.radius = 0.0;
+                crowded.leaf = place / LEAF;
                 for vicinity in [&mut vicinity, &mut crowded] {
                     let mut found = vicinity.nearest(place, k);
                     for n in [k / 3, k, k / 2].map(|n| n.min(alone.len())) {
@@ -386,8 +388,6 @@ mod tests {
                     prop_assert_eq!(vicinity.nearest_by_place(place, k), &by_place);
                 }
                 prop_assert!(crowded.is_crowded);
-                crowded.radius = 0.0;
-                crowded.leaf = place / LEAF;
             }
         }
     }
