@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.special import ndtr
 
 from primfit._check import Floats
 
@@ -60,11 +60,8 @@ def end_of(along: Floats, across: Floats, blur: float) -> tuple[float, float]:
     low, high = float(np.median(far)), reach * (1.0 + 12.0 / n)
     for _ in range(_ZOOMS):
         ends = np.linspace(low, high, _PLACES)
-        # Others are certainly before every end.
-        near = far[far > low - _CERTAIN * blurs[-1]]
-        within = log_ndtr((ends[:, None, None] - near) / blurs[:, None])
-        within = np.logaddexp(np.log1p(-_STRAY) + within, np.log(_STRAY))
-        told = within.sum(axis=2) - n * np.log((1.0 - _STRAY) * ends + _STRAY * reach)[:, None]
+        told = np.stack([_within(ends, far, blur) for blur in blurs], axis=1)
+        told -= n * np.log((1.0 - _STRAY) * ends + _STRAY * reach)[:, None]
         weight = np.exp(told - told.max()).sum(axis=1)
         weight /= weight.sum()
         end = float((weight * ends).sum())
@@ -75,3 +72,12 @@ def end_of(along: Floats, across: Floats, blur: float) -> tuple[float, float]:
         around = max(deviation, step)
         low, high = max(end - 8.0 * around, low), end + 10.0 * around
     return start + end, max(deviation, step / np.sqrt(12.0))
+
+
+def _within(ends: Floats, far: Floats, blur: float) -> Floats:
+    """Log-likelihood of all points where they are, for each end (m,), but for its norm."""
+    # Others are certainly before every end.
+    near = far[far > ends[0] - _CERTAIN * blur]
+    within = (1.0 - _STRAY) * ndtr((ends[:, None] - near) / blur) + _STRAY
+    told: Floats = np.log(within).sum(axis=1)
+    return told

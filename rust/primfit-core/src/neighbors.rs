@@ -61,6 +61,7 @@ impl Neighbor {
 #[derive(Default)]
 pub struct Search {
     found: Vec<Neighbor>,
+    squares: Vec<u64>,
     open: Vec<(f64, u32)>,
 }
 
@@ -114,7 +115,7 @@ impl PointTree {
         search: &'s mut Search,
     ) -> &'s mut [Neighbor] {
         let k = k.min(self.points.len());
-        let Search { found, open } = search;
+        let Search { found, open, .. } = search;
         found.clear();
         open.clear();
         if k == 0 {
@@ -144,6 +145,40 @@ impl PointTree {
         found
     }
 
+    /// Bits of the squared distances of the `k` nearest, in no particular order: those of floats that
+    /// are not negative rise with them.
+    pub fn nearest_squares<'s>(
+        &self,
+        query: &Vector,
+        k: usize,
+        search: &'s mut Search,
+    ) -> &'s mut Vec<u64> {
+        let k = k.min(self.points.len());
+        let Search { squares, open, .. } = search;
+        squares.clear();
+        open.clear();
+        if k == 0 {
+            return squares;
+        }
+        let mut reach = f64::INFINITY;
+        open.push((0.0, 0));
+        while let Some((gap, node)) = open.pop() {
+            if gap > reach {
+                continue;
+            }
+            self.open_node(query, node, open, |neighbor| squares.push(neighbor.squared.to_bits()));
+            if squares.len() >= 2 * k + LEAF
+                || (reach == f64::INFINITY && squares.len() >= k + LEAF)
+            {
+                reach = f64::from_bits(*squares.select_nth_unstable(k - 1).1);
+                squares.truncate(k);
+            }
+        }
+        squares.select_nth_unstable(k - 1);
+        squares.truncate(k);
+        squares
+    }
+
     /// All points within `radius` of `query`, in no particular order.
     pub fn within<'s>(
         &self,
@@ -151,7 +186,7 @@ impl PointTree {
         radius: f64,
         search: &'s mut Search,
     ) -> &'s [Neighbor] {
-        let Search { found, open } = search;
+        let Search { found, open, .. } = search;
         found.clear();
         open.clear();
         if !self.nodes.is_empty() {

@@ -56,31 +56,9 @@ impl Moments {
         Spread::of(&self.scatter.map(|sum| sum / self.count), self.mean)
     }
 
-    /// The axis of the smallest variance alone: by Newton's method for the least root of the
-    /// characteristic polynomial, and the rows across it. Where two variances are nearly alike, as
-    /// along a line, by [`Spread::of`].
+    /// The axis of the smallest variance alone.
     pub fn normal(&self) -> Vector {
-        let [xx, _, _, yy, _, zz] = self.scatter;
-        let [xx, xy, xz, yy, yz, zz] = self.scatter.map(|sum| sum / (xx + yy + zz));
-        let minors = xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz;
-        let determinant =
-            xx * (yy * zz - yz * yz) - xy * (xy * zz - xz * yz) + xz * (xy * yz - xz * yy);
-        let mut least = 0.0;
-        for _ in 0..MOST_STEPS {
-            let value = ((least - 1.0) * least + minors) * least - determinant;
-            let step = value / ((3.0 * least - 2.0) * least + minors);
-            least -= step;
-            if step.abs() <= f64::EPSILON {
-                break;
-            }
-        }
-        let rows = [[xx - least, xy, xz], [xy, yy - least, yz], [xz, yz, zz - least]];
-        let normal = [(0, 1), (0, 2), (1, 2)]
-            .map(|(i, j)| cross(&rows[i], &rows[j]))
-            .into_iter()
-            .fold([0.0; 3], |a, b| if dot(&b, &b) > dot(&a, &a) { b } else { a });
-        let length = dot(&normal, &normal).sqrt();
-        if length > APART { normal.map(|x| x / length) } else { self.spread().normal }
+        self.spread().normal
     }
 }
 
@@ -135,9 +113,44 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// By Jacobi's rotations, which use nothing but arithmetic and square roots: the same bits on
-    /// every machine.
+    /// By Newton's method for the least root of the characteristic polynomial, and the rows across
+    /// its axis; where two variances are nearly alike, as along a line, by Jacobi's rotations. Both
+    /// use nothing but arithmetic and square roots: the same bits on every machine.
     pub fn of(covariance: &[f64; 6], mean: Vector) -> Self {
+        let [xx, _, _, yy, _, zz] = *covariance;
+        let total = xx + yy + zz;
+        let [xx, xy, xz, yy, yz, zz] = covariance.map(|sum| sum / total);
+        let minors = xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz;
+        let determinant =
+            xx * (yy * zz - yz * yz) - xy * (xy * zz - xz * yz) + xz * (xy * yz - xz * yy);
+        let mut least = 0.0;
+        for _ in 0..MOST_STEPS {
+            let value = ((least - 1.0) * least + minors) * least - determinant;
+            let step = value / ((3.0 * least - 2.0) * least + minors);
+            least -= step;
+            if step.abs() <= f64::EPSILON {
+                break;
+            }
+        }
+        let rows = [[xx - least, xy, xz], [xy, yy - least, yz], [xz, yz, zz - least]];
+        let (normal, square) = [(0, 1), (0, 2), (1, 2)]
+            .map(|(i, j)| cross(&rows[i], &rows[j]))
+            .map(|normal| (normal, dot(&normal, &normal)))
+            .into_iter()
+            .fold(([0.0; 3], 0.0), |a, b| if b.1 > a.1 { b } else { a });
+        let length = square.sqrt();
+        // What is no number is not apart either.
+        if length > APART {
+            let half = 0.5 * (1.0 - least);
+            let product = minors - 2.0 * least * half;
+            let long = half + (half * half - product).max(0.0).sqrt();
+            let variances = [least, product / long, long].map(|share| (share * total).max(0.0));
+            return Self { mean, variances, normal: normal.map(|x| x / length) };
+        }
+        Self::by_rotations(covariance, mean)
+    }
+
+    fn by_rotations(covariance: &[f64; 6], mean: Vector) -> Self {
         let [xx, xy, xz, yy, yz, zz] = *covariance;
         let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
         let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -217,7 +230,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_normal_alone_is_that_of_the_spread(
+        fn roots_and_rotations_agree(
             points in prop::collection::vec(prop::array::uniform3(-1.0..1.0), 3..20),
             flat in prop::sample::select(vec![0.0, 1e-9, 1e-4, 0.1]),
             far in -1e3..1e3,
@@ -225,11 +238,16 @@ mod tests {
             let tilted = |[x, y, z]: &Vector| [x + far, *y, 0.5 * x - 0.3 * y + flat * z];
             let points: Vec<Vector> = points.iter().map(tilted).collect();
             let moments = Moments::of(points.iter(), &points[0]);
+            let covariance = moments.scatter.map(|sum| sum / moments.count);
+            let turned = Spread::by_rotations(&covariance, moments.mean);
             let spread = moments.spread();
-            let [least, middle, most] = spread.variances;
+            let [least, middle, most] = turned.variances;
+            for (own, other) in spread.variances.into_iter().zip(turned.variances) {
+                prop_assert!((own - other).abs() < 1e-13 * most);
+            }
             // How well two variances that are nearly alike tell their axes apart.
             prop_assume!(middle - least > 1e-3 * most);
-            prop_assert!(1.0 - dot(&moments.normal(), &spread.normal).abs() < 1e-12);
+            prop_assert!(1.0 - dot(&spread.normal, &turned.normal).abs() < 1e-12);
         }
     }
 

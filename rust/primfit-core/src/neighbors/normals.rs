@@ -1,6 +1,6 @@
 //! The plane around each point, at the smallest scale that shows one.
 
-use super::vicinity::Vicinity;
+use super::vicinity::{Ranking, Vicinity};
 use super::{Neighbor, PointTree};
 use crate::spread::{Moments, Spread, Sums};
 use crate::{Error, Vector, Workers};
@@ -78,17 +78,16 @@ impl PointTree {
         workers.fill(
             &mut planes,
             1,
-            || Vicinity::new(self),
-            |vicinity, i, plane| {
+            || [(); 2].map(|()| Vicinity::new(self)),
+            |[few, most], i, plane| {
                 let i = i * step;
                 let point = &self.points()[i];
                 let sigma = sigma.map(|sigma| sigma[i]);
-                let few = self.flattest(point, vicinity.nearest(i, FEW), sigma, FEW / WIDER);
-                plane[0] = if few.is_flat {
-                    few
-                } else {
-                    self.flattest(point, vicinity.nearest_of_one(i, MOST), sigma, MOST)
-                };
+                plane[0] = self.flattest(point, few.nearest(i, FEW), sigma, FEW / WIDER);
+                if !plane[0].is_flat {
+                    most.expect(i, MOST, few);
+                    plane[0] = self.flattest(point, most.nearest(i, MOST), sigma, MOST);
+                }
             },
         )?;
         Ok(planes)
@@ -142,7 +141,7 @@ impl PointTree {
                 let sigma = f64::from(noise[i]);
                 if !plane[0].is_flat && plane[0].sigma <= THICKEST * sigma {
                     let point = &self.points()[i];
-                    let found = vicinity.nearest_of_one(i, MOST);
+                    let found = vicinity.nearest(i, MOST);
                     plane[0] = self.flattest(point, found, Some(sigma), MOST);
                 }
             },
@@ -153,12 +152,13 @@ impl PointTree {
     fn flattest(
         &self,
         point: &Vector,
-        found: &[u32],
+        mut found: Ranking,
         sigma: Option<f64>,
         largest: usize,
     ) -> LocalPlane {
         let mut sums = Sums::new(*point);
         let mut taken = 0;
+        let mut wide = Vec::new();
         let mut best = LocalPlane::default();
         let mut best_rank = (false, -1.0);
         for size in SIZES.into_iter().filter(|&size| size <= largest) {
@@ -166,7 +166,7 @@ impl PointTree {
             if size == taken || size < 4 {
                 break;
             }
-            for &place in &found[taken..size] {
+            for place in found.first(size).skip(taken) {
                 sums.add(&self.points()[place as usize]);
             }
             taken = size;
@@ -181,17 +181,22 @@ impl PointTree {
                 _ => (thin, FLAT.max(FLAT_BY_CHANCE / n)),
             };
             let flatness = middle / variance;
-            let wider = &found[..found.len().min(WIDER * size)];
+            let is_thin = flatness > least && middle > LINE * long;
+            if !is_thin && (true, flatness / least) <= best_rank {
+                continue;
+            }
+            let n_wider = found.len().min(WIDER * size);
             let near = NEAR * variance.sqrt();
-            let support = wider
-                .iter()
-                .filter(|&&place| spread.distance(&self.points()[place as usize]).abs() <= near)
+            let support = found
+                .among(n_wider)
+                .filter(|&place| spread.distance(&self.points()[place as usize]).abs() <= near)
                 .count();
-            let is_supported = support as f64 >= SUPPORT * wider.len() as f64;
-            let mut is_flat = flatness > least && middle > LINE * long && is_supported;
+            let is_supported = support as f64 >= SUPPORT * n_wider as f64;
+            let mut is_flat = is_thin && is_supported;
             if is_flat && sigma.is_none() && found.len() >= TELLS_LAYERS {
-                let wide = &found[..size.max(TELLS_LAYERS)];
-                match self.layer(wide, point) {
+                wide.clear();
+                wide.extend(found.first(size.max(TELLS_LAYERS)));
+                match self.layer(&wide, point) {
                     Layer::Own(layer) if THINNER * layer.sigma < variance.sqrt() => {
                         best = layer;
                         break;

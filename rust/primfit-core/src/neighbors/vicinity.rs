@@ -31,8 +31,10 @@ pub struct Vicinity<'a> {
     leaves: Leaves,
     /// How many neighbours the point before had, and how far the last of them was.
     before: (usize, f64),
-    /// Squared distances of points found, each with its number in `leaves`.
+    /// Squared distances of points found, each with its number in `leaves`, or in `places` when the
+    /// tree was asked.
     keys: Vec<u64>,
+    is_of_tree: bool,
     sorted: Vec<u64>,
     places: Vec<u32>,
 }
@@ -48,24 +50,39 @@ impl<'a> Vicinity<'a> {
             leaves: Leaves::default(),
             before: (0, 0.0),
             keys: Vec::new(),
+            is_of_tree: false,
             sorted: Vec::new(),
             places: Vec::new(),
         }
     }
 
-    /// Places of the `k` points nearest to a point of the tree, itself among them, nearest first.
-    pub fn nearest(&mut self, place: usize, k: usize) -> &[u32] {
+    /// The `k` points nearest to a point of the tree, itself among them.
+    pub fn nearest(&mut self, place: usize, k: usize) -> Ranking<'_> {
+        debug_assert!(k as u64 <= NUMBER);
         self.look_for(place, k, Order::Nearness);
-        &self.places
+        let (starts, width) =
+            if self.is_of_tree { (&self.places, 1) } else { (&self.leaves.starts, LEAF) };
+        let n_parted = self.keys.len();
+        Ranking { keys: &mut self.keys, n_sorted: 0, n_parted, starts, width }
     }
 
-    /// The same points by rising place.
+    /// Expects the next `k` neighbours to be so far away as `narrower` tells, if it looked around the
+    /// same leaf and this did not: four times as many are twice as far on a surface.
+    pub fn expect(&mut self, place: usize, k: usize, narrower: &Vicinity) {
+        let (n_before, far) = narrower.before;
+        if self.leaf != place / LEAF && n_before > 0 {
+            let k = k.min(self.tree.points().len());
+            self.before = (k, far * (k as f64 / n_before as f64).sqrt());
+        }
+    }
+
+    /// Places of the same points, rising.
     pub fn nearest_by_place(&mut self, place: usize, k: usize) -> &[u32] {
         self.look_for(place, k, Order::Place);
         &self.places
     }
 
-    /// Puts the `k` nearest into `places`.
+    /// Puts the `k` nearest into `keys`, or into `places` by place.
     fn look_for(&mut self, place: usize, k: usize, order: Order) {
         let k = k.min(self.tree.points().len());
         if self.before.0 == k {
@@ -82,14 +99,6 @@ impl<'a> Vicinity<'a> {
             }
         }
         self.ask_tree(place, k, order);
-    }
-
-    /// The same by the tree alone, for many neighbours of few points; the lower row is nearer.
-    pub fn nearest_of_one(&mut self, place: usize, k: usize) -> &[u32] {
-        let found = self.tree.nearest(&self.tree.points()[place], k, &mut self.search);
-        self.places.clear();
-        self.places.extend(found.iter().map(|neighbor| neighbor.place));
-        &self.places
     }
 
     /// Whether `leaves` are all those that hold points within `reach`; else too many do.
@@ -109,7 +118,7 @@ impl<'a> Vicinity<'a> {
     }
 
     /// How many points of `leaves` are within `reach`; when they are at least `k`, the nearest of
-    /// them are in `places`.
+    /// them are found.
     fn ask_leaves(&mut self, place: usize, reach: f64, k: usize, order: Order) -> usize {
         let Self { keys, sorted, places, .. } = self;
         // All squared distances that are alike are within, or none is.
@@ -119,32 +128,29 @@ impl<'a> Vicinity<'a> {
         if n_found < k {
             return n_found;
         }
+        self.is_of_tree = false;
         let last = match order {
             Order::Nearness => {
-                if n_found > 2 * k {
-                    keys.select_nth_unstable(k - 1);
-                    keys.truncate(k);
-                }
-                keys.sort_unstable();
+                let last = *keys.select_nth_unstable(k - 1).1;
                 keys.truncate(k);
-                keys[k - 1]
+                last
             }
             Order::Place => {
                 sorted.clone_from(keys);
-                *sorted.select_nth_unstable(k - 1).1
+                let last = *sorted.select_nth_unstable(k - 1).1;
+                let starts = &self.leaves.starts;
+                places.clear();
+                places.extend(
+                    keys.iter().filter(|&&key| key <= last).map(|key| place_of(*key, starts, LEAF)),
+                );
+                last
             }
         };
         self.before = (k, greatest_like(last).sqrt());
-        let starts = &self.leaves.starts;
-        places.clear();
-        places.extend(keys.iter().filter(|&&key| key <= last).map(|key| {
-            let number = (key & NUMBER) as usize;
-            starts[number / LEAF] + (number % LEAF) as u32
-        }));
         n_found
     }
 
-    /// The `k` nearest of the whole tree into `places`.
+    /// The `k` nearest of the whole tree.
     fn ask_tree(&mut self, place: usize, k: usize, order: Order) {
         let here = &self.tree.points()[place];
         let keys_of = |near: &[Neighbor]| -> Vec<(u64, u32)> {
@@ -164,7 +170,79 @@ impl<'a> Vicinity<'a> {
         self.before = (k, last);
         self.places.clear();
         self.places.extend(near.iter().map(|(_, place)| place));
+        self.is_of_tree = true;
+        self.keys.clear();
+        self.keys.extend(0..k as u64);
     }
+}
+
+/// The nearest points of one, sorted as far as is asked.
+pub struct Ranking<'a> {
+    keys: &'a mut [u64],
+    /// How many are sorted, and how many more are no farther than all others.
+    n_sorted: usize,
+    n_parted: usize,
+    starts: &'a [u32],
+    width: usize,
+}
+
+impl Ranking<'_> {
+    pub fn len(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// Places of the `n` nearest, nearest first.
+    pub fn first(&mut self, n: usize) -> impl ExactSizeIterator<Item = u32> {
+        self.sort(n);
+        self.places(n)
+    }
+
+    /// Puts the `n` nearest first, nearest first.
+    pub fn sort(&mut self, n: usize) {
+        if n > self.n_sorted {
+            self.part(n);
+            self.keys[self.n_sorted..n].sort_unstable();
+            self.n_sorted = n;
+            self.n_parted = self.n_parted.max(n);
+        }
+    }
+
+    /// The same in no particular order.
+    pub fn among(&mut self, n: usize) -> impl ExactSizeIterator<Item = u32> {
+        if n > self.n_sorted {
+            self.part(n);
+            self.n_parted = n;
+        }
+        self.places(n)
+    }
+
+    /// Ranks of all, which rise with the distance, in the order of places.
+    pub fn ranks(&self) -> &[u64] {
+        self.keys
+    }
+
+    /// Place of the point that has a rank.
+    pub fn place(&self, rank: u64) -> u32 {
+        place_of(rank, self.starts, self.width)
+    }
+
+    fn places(&self, n: usize) -> impl ExactSizeIterator<Item = u32> {
+        self.keys[..n].iter().map(|key| self.place(*key))
+    }
+
+    /// Brings the `n` nearest to the front.
+    fn part(&mut self, n: usize) {
+        let end = if n < self.n_parted { self.n_parted } else { self.keys.len() };
+        if n != self.n_parted && n < end {
+            self.keys[self.n_sorted..end].select_nth_unstable(n - self.n_sorted - 1);
+        }
+    }
+}
+
+/// Place of the point of a key, with the first places of groups so many numbers wide.
+fn place_of(key: u64, starts: &[u32], width: usize) -> u32 {
+    let number = (key & NUMBER) as usize;
+    starts[number / width] + (number % width) as u32
 }
 
 /// How neighbours are sorted.
@@ -290,14 +368,25 @@ mod tests {
             let mut crowded = Vicinity { is_crowded: true, ..Vicinity::new(&tree) };
             let mut search = Search::default();
             for (place, point) in tree.points().iter().enumerate() {
-                let alone = tree.nearest(point, k, &mut search).iter().map(|n| &n.place);
-                prop_assert!(vicinity.nearest(place, k).iter().eq(alone));
-                let mut by_place = vicinity.places.clone();
+                let alone: Vec<u32> =
+                    tree.nearest(point, k, &mut search).iter().map(|n| n.place).collect();
+                let mut by_place = alone.clone();
                 by_place.sort_unstable();
-                prop_assert_eq!(vicinity.nearest_by_place(place, k), by_place);
                 crowded.radius = 0.0;
                 crowded.leaf = place / LEAF;
-                prop_assert_eq!(crowded.nearest(place, k), vicinity.nearest(place, k));
+                for vicinity in [&mut vicinity, &mut crowded] {
+                    let mut found = vicinity.nearest(place, k);
+                    for n in [k / 3, k, k / 2].map(|n| n.min(alone.len())) {
+                        let mut among: Vec<u32> = found.among(n).collect();
+                        among.sort_unstable();
+                        let mut first = alone[..n].to_vec();
+                        first.sort_unstable();
+                        prop_assert_eq!(among, first);
+                        prop_assert!(found.first(n / 2).eq(alone[..n / 2].iter().copied()));
+                    }
+                    prop_assert!(found.first(alone.len()).eq(alone.iter().copied()));
+                    prop_assert_eq!(vicinity.nearest_by_place(place, k), &by_place);
+                }
                 prop_assert!(crowded.is_crowded);
             }
         }
@@ -311,7 +400,8 @@ mod tests {
         let tree = PointTree::new(&points);
         let mut vicinity = Vicinity::new(&tree);
         for place in 0..points.len() {
-            assert_eq!(vicinity.nearest(place, 33), Vicinity::new(&tree).nearest(place, 33));
+            let mut other = Vicinity::new(&tree);
+            assert!(vicinity.nearest(place, 33).first(33).eq(other.nearest(place, 33).first(33)));
             let alone = Vicinity::new(&tree).nearest_by_place(place, 33).to_vec();
             assert_eq!(vicinity.nearest_by_place(place, 33), alone);
         }
@@ -338,7 +428,7 @@ mod tests {
         let tree = PointTree::new(&points);
         let mut vicinity = Vicinity::new(&tree);
         let far = tree.rows().iter().position(|&row| row == 20_000).unwrap_or_default();
-        assert!(vicinity.nearest(far, 5).contains(&(far as u32)));
+        assert_eq!(vicinity.nearest(far, 5).first(1).next(), Some(far as u32));
         assert!(vicinity.leaves.starts.len() <= MOST_LEAVES);
     }
 }

@@ -1,7 +1,7 @@
 //! Which points touch: the nearest, and some that lie in other directions.
 
 use crate::instructions::widest;
-use crate::neighbors::vicinity::Vicinity;
+use crate::neighbors::vicinity::{Ranking, Vicinity};
 use crate::neighbors::{PointTree, squared_distance};
 use crate::{Error, Vector, Workers};
 
@@ -52,10 +52,11 @@ impl Graph {
             workers.fill(
                 &mut table,
                 width,
-                || Vicinity::new(tree),
-                |vicinity, i, row| {
+                || (Vicinity::new(tree), Others::default()),
+                |(vicinity, others), i, row| {
                     let place = first + i;
-                    join(points, place, vicinity.nearest(place, n_looked_at), n_nearest, row);
+                    let mut found = vicinity.nearest(place, n_looked_at);
+                    join(points, place, &mut found, others, n_nearest, row);
                 },
             )?;
             let group = places.len();
@@ -105,42 +106,78 @@ impl Graph {
     }
 }
 
+/// Points around one, axis after axis, with the ranks of those that may be bridges.
+#[derive(Default)]
+struct Others {
+    axes: [Vec<f64>; 3],
+    /// Squared distances to the one.
+    away: Vec<f64>,
+    ranks: Vec<u64>,
+}
+
+/// Rank of what is no bridge.
+const HIDDEN: u64 = u64::MAX;
+
 widest! {
-    // Writes the neighbours of a point into its row: the first of those found, and the bridges.
+    // Writes the neighbours of a point into its row: the nearest of those found, and the bridges,
+    // each the nearest of those that no bridge before is nearer to than the point is.
     fn join(
         points: &[Vector],
         place: usize,
-        found: &[u32],
+        found: &mut Ranking,
+        others: &mut Others,
         n_nearest: usize,
         row: &mut [u32],
     ) -> () {
         let here = &points[place];
-        let mut bridges = [[f64::INFINITY; BRIDGES]; 3];
-        let (mut n_bridges, mut n, mut rank) = (0, 0, 0);
-        for &other in found {
-            if other as usize == place {
-                continue;
-            }
-            let point = &points[other as usize];
-            let away = squared_distance(point, here);
-            let mut n_hiding = 0;
-            let [xs, ys, zs] = &bridges;
-            for ((x, y), z) in xs.iter().zip(ys).zip(zs) {
-                let [x, y, z] = [point[0] - x, point[1] - y, point[2] - z];
-                n_hiding += u64::from(x * x + y * y + z * z < away);
-            }
-            let is_bridge = n_hiding == 0 && n_bridges < BRIDGES;
-            if is_bridge {
-                for (lanes, coordinate) in bridges.iter_mut().zip(point) {
-                    lanes[n_bridges] = *coordinate;
+        found.sort(found.len().min(n_nearest + 1));
+        let (mut n, mut last) = (0, 0);
+        for &rank in found.ranks() {
+            let other = found.place(rank);
+            if other as usize != place {
+                (row[n], last) = (other, rank);
+                n += 1;
+                if n == n_nearest {
+                    break;
                 }
-                n_bridges += 1;
             }
-            if rank < n_nearest || is_bridge {
+        }
+        let Others { axes: [xs, ys, zs], away, ranks } = others;
+        for lanes in [&mut *xs, &mut *ys, &mut *zs, &mut *away] {
+            lanes.clear();
+        }
+        ranks.clear();
+        for &rank in found.ranks() {
+            let other = found.place(rank) as usize;
+            if other != place {
+                let [x, y, z] = points[other];
+                xs.push(x);
+                ys.push(y);
+                zs.push(z);
+                away.push(squared_distance(&points[other], here));
+                ranks.push(rank);
+            }
+        }
+        let mut bridge = ranks.iter().fold(HIDDEN, |least, &rank| least.min(rank));
+        for _ in 0..BRIDGES {
+            if bridge == HIDDEN {
+                break;
+            }
+            let other = found.place(bridge);
+            if bridge > last {
                 row[n] = other;
                 n += 1;
             }
-            rank += 1;
+            let [x, y, z] = points[other as usize];
+            let mut least = HIDDEN;
+            let lanes = xs.iter().zip(&*ys).zip(&*zs).zip(&*away).zip(&mut *ranks);
+            for ((((own_x, own_y), own_z), away), rank) in lanes {
+                let [x, y, z] = [own_x - x, own_y - y, own_z - z];
+                let is_hidden = x * x + y * y + z * z < *away || *rank <= bridge;
+                *rank = if is_hidden { HIDDEN } else { *rank };
+                least = if *rank < least { *rank } else { least };
+            }
+            bridge = least;
         }
     }
 }

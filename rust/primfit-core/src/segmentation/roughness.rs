@@ -153,10 +153,14 @@ fn halved(points: &[&Vector]) -> f64 {
         let along: Vector = std::array::from_fn(|axis| cos * first[axis] + sin * second[axis]);
         let mut at: Vec<(f64, &Vector)> =
             points.iter().map(|&point| (dot(&along, point), point)).collect();
-        at.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        let parts: Vec<Moments> = (0..PARTS)
-            .map(|k| moments(&at[k * at.len() / PARTS..(k + 1) * at.len() / PARTS]))
-            .collect();
+        let ends: [usize; PARTS + 1] = std::array::from_fn(|k| k * at.len() / PARTS);
+        for k in 1..PARTS {
+            if ends[k] < at.len() {
+                at[ends[k - 1]..]
+                    .select_nth_unstable_by(ends[k] - ends[k - 1], |a, b| a.0.total_cmp(&b.0));
+            }
+        }
+        let parts: [Moments; PARTS] = std::array::from_fn(|k| moments(&at[ends[k]..ends[k + 1]]));
         for cut in 1..PARTS {
             let squares = |some: &[Moments]| {
                 let all = some.iter().fold(Moments::default(), |a, b| b.joined(&a));

@@ -115,11 +115,10 @@ fn dimensions(tree: &PointTree) -> Vec<(usize, f64)> {
     let mut search = Search::default();
     let mut radii = vec![Vec::new(); sizes.len()];
     for point in samples(tree) {
-        let found = tree.nearest_unsorted(point, most, &mut search);
-        let mut squares: Vec<f64> = found.iter().map(|neighbor| neighbor.squared).collect();
+        let squares = tree.nearest_squares(point, most, &mut search);
         // The largest first: what is beyond it is not looked at again.
         for (radii, &size) in radii.iter_mut().zip(&sizes).rev() {
-            radii.push(*squares.select_nth_unstable_by(size - 1, f64::total_cmp).1);
+            radii.push(f64::from_bits(*squares[..].select_nth_unstable(size - 1).1));
             squares.truncate(size);
         }
     }
