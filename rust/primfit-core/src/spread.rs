@@ -55,11 +55,6 @@ impl Moments {
     pub fn spread(&self) -> Spread {
         Spread::of(&self.scatter.map(|sum| sum / self.count), self.mean)
     }
-
-    /// The axis of the smallest variance alone.
-    pub fn normal(&self) -> Vector {
-        self.spread().normal
-    }
 }
 
 /// Moments about a fixed origin, to which points are added one by one.
@@ -255,7 +250,7 @@ mod tests {
     fn lines_and_single_points_have_some_normal() {
         for point in [[1.0, 2.0, 3.0], [0.0, 1e-3, 0.0], [0.0; 3]] {
             let points: Vec<Vector> = (0..5).map(|i| point.map(|x| x * f64::from(i))).collect();
-            let normal = Moments::of(points.iter(), &points[0]).normal();
+            let normal = Moments::of(points.iter(), &points[0]).spread().normal;
             assert!((dot(&normal, &normal) - 1.0).abs() < 1e-12);
             assert!(dot(&normal, &point).abs() < 1e-7);
         }

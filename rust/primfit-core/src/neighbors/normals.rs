@@ -109,7 +109,7 @@ impl PointTree {
                 |vicinity, i, normal| {
                     let near = vicinity.nearest_by_place(i, k).iter();
                     let near = near.map(|&place| &self.points()[place as usize]);
-                    normal[0] = Moments::of(near, &self.points()[i]).normal();
+                    normal[0] = Moments::of(near, &self.points()[i]).spread().normal;
                 },
             )?;
         }

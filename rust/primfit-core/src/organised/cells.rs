@@ -88,11 +88,10 @@ pub struct Flat {
 }
 
 impl Flat {
-    /// By Newton's method for the least variance, the others by the trace: a tenth of the work of
-    /// [`Moments::spread`].
+    /// The normal of [`Moments::spread`], and variances that are numbers even of no points.
     pub fn of(moments: &Moments) -> Self {
         let s = moments.scatter.map(|sum| sum / moments.count);
-        let normal = moments.normal();
+        let normal = moments.spread().normal;
         let [xx, xy, xz, yy, yz, zz] = s;
         let along = [
             xx * normal[0] + xy * normal[1] + xz * normal[2],
