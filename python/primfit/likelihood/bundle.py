@@ -176,23 +176,40 @@ class Problem:
 
     def stepped(self, map_step: Floats, pose_step: Floats) -> Problem:
         """The same a step further."""
-        scene, track, at = self.scene, self.track, 0
+        track, fits, at = self.track, [], 0
+        for fit in self.fits:
+            n = fit.shape.n_parameters
+            fits.append(_moved(fit, map_step[at : at + n]))
+            at += n
+        shared = track.shared.copy()
+        shared[list(self.free)] += map_step[at:]
+        return self.at(self._scene_with(fits), track.poses + pose_step, shared)
+
+    def anchored(self) -> Problem:
+        """Poses and map moved as a whole to where the poses are believed to be.
+
+        Beams tell nothing of that. Steps that are damped, and a rule to stop that looks at all
+        unknowns, would leave these three where they happen to be.
+        """
+        track = self.track
+        motion = track.graph.motion(track.poses)
+        poses = np.column_stack([motion.of(track.poses[:, :2]), track.poses[:, 2] + motion.turn])
+        fits = [
+            replace(fit, parameters=fit.shape.moved(fit.parameters, motion)) for fit in self.fits
+        ]
+        return self.at(self._scene_with(fits), poses, track.shared)
+
+    def _scene_with(self, fits: list[Fit]) -> Scene:
+        """The scene with other parameters of solids and room."""
+        scene = self.scene
         solids = []
-        for solid in scene.solids:
-            fit = _moved(solid.best.fit, map_step[at : at + solid.best.fit.shape.n_parameters])
-            at += fit.shape.n_parameters
+        for solid, fit in zip(scene.solids, fits, strict=False):
             best = replace(solid.best, fit=fit, best=fit.parameters)
             solids.append(replace(solid, candidates=(best, *solid.candidates[1:])))
         room = scene.room
         if room is not None:
-            fit = _moved(room.fit, map_step[at : at + room.fit.shape.n_parameters])
-            at += fit.shape.n_parameters
-            room = replace(room, fit=fit, best=fit.parameters)
-        shared = track.shared.copy()
-        shared[list(self.free)] += map_step[at:]
-        return self.at(
-            replace(scene, solids=tuple(solids), room=room), track.poses + pose_step, shared
-        )
+            room = replace(room, fit=fits[-1], best=fits[-1].parameters)
+        return replace(scene, solids=tuple(solids), room=room)
 
     def thinned(self, stride: int) -> Problem:
         """One beam in `stride` of each pose, each of which stands for as many."""
@@ -328,7 +345,7 @@ def descend(problem: Problem, robust: Robust, most_steps: int, how: PoseSettings
         problem, here = trial, there
         if promise < how.balance**2 * n_unknowns:
             break
-    return problem
+    return problem.anchored()
 
 
 def _most(robust: Robust) -> float:
