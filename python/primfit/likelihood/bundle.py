@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from primfit import _primfit
 from primfit._check import Bools, Floats, Ints
@@ -298,7 +299,13 @@ def _contracted(first: Floats, second: Floats) -> Floats:
 
 def solve_scaled(matrix: Floats, right: Floats) -> Floats:
     """The solution of symmetric equations whose unknowns have units of their own."""
-    return inverse_scaled(matrix) @ right
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    try:
+        factor = cho_factor(matrix * np.outer(scale, scale), lower=True, check_finite=False)
+    except np.linalg.LinAlgError:
+        return inverse_scaled(matrix) @ right
+    solution: Floats = scale * cho_solve(factor, scale * right, check_finite=False)
+    return solution
 
 
 def inverse_scaled(matrix: Floats) -> Floats:
