@@ -53,7 +53,6 @@ class Problem:
     scene: Scene
     free: tuple[int, ...] = ()
     lost: Bools | None = None
-    stride: int = 1
 
     @cached_property
     def core(self) -> _primfit.PoseBeams:
@@ -126,7 +125,6 @@ class Problem:
             self.scene.floor_z,
             track.shared.tolist(),
             list(robust),
-            self.stride,
             self.scene.n_jobs,
         )
         slopes, free = self.slopes, [3 + k for k in self.free]
@@ -211,12 +209,6 @@ class Problem:
         if room is not None:
             room = replace(room, fit=fits[-1], best=fits[-1].parameters)
         return replace(scene, solids=tuple(solids), room=room)
-
-    def thinned(self, stride: int) -> Problem:
-        """One beam in `stride` of each pose, each of which stands for as many."""
-        thinned = replace(self, stride=stride)
-        vars(thinned)["core"] = self.core
-        return thinned
 
     def at(self, scene: Scene, poses: Floats, shared: Floats) -> Problem:
         """The same beams elsewhere, among other things."""
@@ -370,11 +362,9 @@ def levels(start: float, end: float, factor: float) -> Iterable[float]:
 
 def sharpened(problem: Problem, blur: float, how: PoseSettings) -> Problem:
     """Poses and map from as blurred as they are known to as sharp as the ranges are."""
-    rough = problem.thinned(how.stride)
     for each in levels(blur, 0.3 * problem.scene.model.typical_sigma, how.sharpening):
-        rough = descend(rough, (each, how.soft_scale, how.soft_cut), how.level_steps, how)
-    rough = descend(rough, (0.0, how.soft_scale, how.soft_cut), how.level_steps, how)
-    return rough.thinned(problem.stride)
+        problem = descend(problem, (each, how.soft_scale, how.soft_cut), how.level_steps, how)
+    return descend(problem, (0.0, how.soft_scale, how.soft_cut), how.level_steps, how)
 
 
 def settled(problem: Problem, how: PoseSettings) -> Problem:
