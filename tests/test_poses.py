@@ -214,6 +214,35 @@ def test_eliminated_poses_leave_what_the_whole_system_says(problem):
     np.testing.assert_allclose(np.append(pose_step.ravel(), step), expected, rtol=1e-4, atol=1e-9)
 
 
+def test_poses_and_map_as_a_whole_lie_where_the_poses_are_believed_to_be(problem):
+    motion = Motion(0.02, np.array([0.03, -0.01]))
+    poses = problem.track.poses
+    moved = np.column_stack([motion.of(poses[:, :2]), poses[:, 2] + motion.turn])
+    fits = [
+        replace(fit, parameters=fit.shape.moved(fit.parameters, motion)) for fit in problem.fits
+    ]
+    solid = problem.scene.solids[0]
+    solid = replace(solid, candidates=(replace(solid.best, fit=fits[0], best=fits[0].parameters),))
+    room = replace(problem.scene.room, fit=fits[1], best=fits[1].parameters)
+    there = problem.at(replace(problem.scene, solids=(solid,), room=room), moved, np.zeros(4))
+    robust = (0.0, np.inf, 4.0)
+    costs = there.normal(robust).beam_costs
+    np.testing.assert_allclose(costs, problem.normal(robust).beam_costs, rtol=1e-6, atol=1e-6)
+    # A turn of 0.02 is not so small that one step is all.
+    back = there.anchored().anchored()
+    np.testing.assert_allclose(back.track.poses, poses, atol=1e-6)
+    for fit, expected in zip(back.fits, problem.fits, strict=True):
+        np.testing.assert_allclose(fit.footprint, expected.footprint, atol=1e-6)
+
+
+def test_the_first_pose_holds_a_chain(problem):
+    track = problem.track
+    graph = PoseGraph(track.poses, np.full((len(track.poses) - 1, 3), 0.01), True)
+    motion = graph.motion(track.poses + 0.1)
+    assert motion.turn == 0.0
+    assert not motion.move.any()
+
+
 def test_poses_and_solid_are_found_together(small_world, mistaken, joint):
     (solid,) = joint.solids
     assert solid.kind == "square"

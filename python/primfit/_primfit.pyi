@@ -100,7 +100,6 @@ class PoseBeams:
         floor: float,
         shared: Sequence[float],
         robust: Sequence[float],
-        stride: int = 1,
         n_jobs: int | None = None,
     ) -> tuple[NDArray[np.float64], ...]: ...
     def costs(

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from primfit import _primfit
 from primfit._check import Bools, Floats, Ints
@@ -52,7 +53,6 @@ class Problem:
     scene: Scene
     free: tuple[int, ...] = ()
     lost: Bools | None = None
-    stride: int = 1
 
     @cached_property
     def core(self) -> _primfit.PoseBeams:
@@ -125,7 +125,6 @@ class Problem:
             self.scene.floor_z,
             track.shared.tolist(),
             list(robust),
-            self.stride,
             self.scene.n_jobs,
         )
         slopes, free = self.slopes, [3 + k for k in self.free]
@@ -176,29 +175,40 @@ class Problem:
 
     def stepped(self, map_step: Floats, pose_step: Floats) -> Problem:
         """The same a step further."""
-        scene, track, at = self.scene, self.track, 0
+        track, fits, at = self.track, [], 0
+        for fit in self.fits:
+            n = fit.shape.n_parameters
+            fits.append(_moved(fit, map_step[at : at + n]))
+            at += n
+        shared = track.shared.copy()
+        shared[list(self.free)] += map_step[at:]
+        return self.at(self._scene_with(fits), track.poses + pose_step, shared)
+
+    def anchored(self) -> Problem:
+        """Poses and map moved as a whole to where the poses are believed to be.
+
+        Beams tell nothing of that. Steps that are damped, and a rule to stop that looks at all
+        unknowns, would leave these three where they happen to be.
+        """
+        track = self.track
+        motion = track.graph.motion(track.poses)
+        poses = np.column_stack([motion.of(track.poses[:, :2]), track.poses[:, 2] + motion.turn])
+        fits = [
+            replace(fit, parameters=fit.shape.moved(fit.parameters, motion)) for fit in self.fits
+        ]
+        return self.at(self._scene_with(fits), poses, track.shared)
+
+    def _scene_with(self, fits: list[Fit]) -> Scene:
+        """The scene with other parameters of solids and room."""
+        scene = self.scene
         solids = []
-        for solid in scene.solids:
-            fit = _moved(solid.best.fit, map_step[at : at + solid.best.fit.shape.n_parameters])
-            at += fit.shape.n_parameters
+        for solid, fit in zip(scene.solids, fits, strict=False):
             best = replace(solid.best, fit=fit, best=fit.parameters)
             solids.append(replace(solid, candidates=(best, *solid.candidates[1:])))
         room = scene.room
         if room is not None:
-            fit = _moved(room.fit, map_step[at : at + room.fit.shape.n_parameters])
-            at += fit.shape.n_parameters
-            room = replace(room, fit=fit, best=fit.parameters)
-        shared = track.shared.copy()
-        shared[list(self.free)] += map_step[at:]
-        return self.at(
-            replace(scene, solids=tuple(solids), room=room), track.poses + pose_step, shared
-        )
-
-    def thinned(self, stride: int) -> Problem:
-        """One beam in `stride` of each pose, each of which stands for as many."""
-        thinned = replace(self, stride=stride)
-        vars(thinned)["core"] = self.core
-        return thinned
+            room = replace(room, fit=fits[-1], best=fits[-1].parameters)
+        return replace(scene, solids=tuple(solids), room=room)
 
     def at(self, scene: Scene, poses: Floats, shared: Floats) -> Problem:
         """The same beams elsewhere, among other things."""
@@ -281,7 +291,13 @@ def _contracted(first: Floats, second: Floats) -> Floats:
 
 def solve_scaled(matrix: Floats, right: Floats) -> Floats:
     """The solution of symmetric equations whose unknowns have units of their own."""
-    return inverse_scaled(matrix) @ right
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    try:
+        factor = cho_factor(matrix * np.outer(scale, scale), lower=True, check_finite=False)
+    except np.linalg.LinAlgError:
+        return inverse_scaled(matrix) @ right
+    solution: Floats = scale * cho_solve(factor, scale * right, check_finite=False)
+    return solution
 
 
 def inverse_scaled(matrix: Floats) -> Floats:
@@ -328,7 +344,7 @@ def descend(problem: Problem, robust: Robust, most_steps: int, how: PoseSettings
         problem, here = trial, there
         if promise < how.balance**2 * n_unknowns:
             break
-    return problem
+    return problem.anchored()
 
 
 def _most(robust: Robust) -> float:
@@ -346,11 +362,9 @@ def levels(start: float, end: float, factor: float) -> Iterable[float]:
 
 def sharpened(problem: Problem, blur: float, how: PoseSettings) -> Problem:
     """Poses and map from as blurred as they are known to as sharp as the ranges are."""
-    rough = problem.thinned(how.stride)
     for each in levels(blur, 0.3 * problem.scene.model.typical_sigma, how.sharpening):
-        rough = descend(rough, (each, how.soft_scale, how.soft_cut), how.level_steps, how)
-    rough = descend(rough, (0.0, how.soft_scale, how.soft_cut), how.level_steps, how)
-    return rough.thinned(problem.stride)
+        problem = descend(problem, (each, how.soft_scale, how.soft_cut), how.level_steps, how)
+    return descend(problem, (0.0, how.soft_scale, how.soft_cut), how.level_steps, how)
 
 
 def settled(problem: Problem, how: PoseSettings) -> Problem:

@@ -18,6 +18,7 @@ from primfit import _primfit
 from primfit._check import Bools, Floats
 from primfit.geometry import footprints
 from primfit.geometry.footprints import regular_name
+from primfit.geometry.motions import Motion
 from primfit.likelihood.settings import ModelSettings
 
 _ORIGIN = np.zeros(2)
@@ -58,6 +59,10 @@ class FootprintModel(ABC):
     def is_proper(self, parameters: Floats) -> Bools:
         """Which parameters (n, d) are of this kind."""
         return self.family.is_proper(np.ascontiguousarray(parameters))
+
+    @abstractmethod
+    def moved(self, parameters: Floats, motion: Motion) -> Floats:
+        """Parameters of the same footprint after a rigid motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +108,11 @@ class Template(FootprintModel):
         """x, y, angle and the sizes."""
         return 3 + self.n_sizes
 
+    def moved(self, parameters: Floats, motion: Motion) -> Floats:
+        """Place and angle change, sizes do not."""
+        place = motion.of(parameters[None, :2])[0]
+        return np.array([*place, parameters[2] + motion.turn, *parameters[3:]])
+
     def log_prior(self, scale: float) -> float:
         """Uniform in place, angle and sizes."""
         angle = 0.0 if self.kind == "circle" else np.log(self.period)
@@ -125,6 +135,10 @@ class FreePolygon(FootprintModel):
     def n_parameters(self) -> int:
         """Two a corner."""
         return 2 * self.n_corners
+
+    def moved(self, parameters: Floats, motion: Motion) -> Floats:
+        """Each corner goes along."""
+        return motion.of(parameters.reshape(-1, 2)).ravel()
 
     def log_prior(self, scale: float) -> float:
         """Uniform in the place of each corner; any of them may be the first."""

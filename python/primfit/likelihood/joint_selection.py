@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from primfit._check import Bools, Floats
-from primfit.likelihood.bundle import Normal, Problem, Robust, descend
+from primfit.likelihood.bundle import Normal, Problem, Robust, descend, settled
 from primfit.likelihood.candidates import tolerance_of
 from primfit.likelihood.fitting import Fit
 from primfit.likelihood.footprint_models import NESTED, FootprintModel, n_sizes
@@ -70,7 +70,7 @@ def simplest_kinds(problem: Problem) -> Problem:
         return problem
     scene = replace(problem.scene, solids=tuple(simpler))
     tried = problem.at(scene, problem.track.poses, problem.track.shared)
-    return descend(tried, _final(tried), scene.settings.poses.level_steps, scene.settings.poses)
+    return settled(tried, scene.settings.poses)
 
 
 def _with_two_sizes(solid: Hypothesis) -> Hypothesis:
@@ -109,7 +109,7 @@ def _settled(problem: Problem, scene: Scene) -> Problem:
     how = scene.settings.poses
     tried = problem.at(scene, problem.track.poses, problem.track.shared)
     tried = descend(tried, (0.0, how.soft_scale, how.soft_cut), how.level_steps, how)
-    return descend(tried, _final(tried), how.level_steps, how)
+    return settled(tried, how)
 
 
 def _price(problem: Problem) -> float:

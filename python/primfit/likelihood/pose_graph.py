@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from primfit._check import Floats
-from primfit.geometry.motions import turned, wrapped
+from primfit.geometry.motions import Motion, turned, wrapped
 from primfit.scans.path_errors import steps_of
 
 _HELD = 1e-9
@@ -148,6 +148,22 @@ class PoseGraph:
         before[:, :, :] = -after
         before[:, 0, 2], before[:, 1, 2] = steps[:, 1], -steps[:, 0]
         return before / self._scales[:, :, None], after / self._scales[:, :, None]
+
+    def motion(self, poses: Floats) -> Motion:
+        """The rigid motion of all poses that agrees best with what is believed, by one step.
+
+        None where steps are known: the first pose says where the map is.
+        """
+        if self.is_chain:
+            return Motion(0.0, np.zeros(2))
+        blocks, descent = self.normal(poses)
+        middle = poses[:, :2].mean(axis=0)
+        slopes = np.tile(np.eye(3), (len(poses), 1, 1))
+        slopes[:, :2, 2] = (poses[:, :2] - middle)[:, ::-1] * [-1.0, 1.0]
+        information = np.einsum("pia,pij,pjb->ab", slopes, blocks.diagonal, slopes)
+        step = np.linalg.solve(information, np.einsum("pia,pi->a", slopes, descent))
+        turn = float(step[2])
+        return Motion(turn, middle + step[:2] - turned(middle[None], turn)[0])
 
     @cached_property
     def covariances(self) -> Floats:

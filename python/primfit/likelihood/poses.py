@@ -78,12 +78,18 @@ def detect_with_poses(track: Track, task: Task, tell: Any) -> Detection:
         tell(stage)
         if stage > 3 and _share_of_suspects(problem) < task.settings.poses.most_suspects:
             break
-    problem, lost = _without_lost(problem, task)
+    problem, lost, unfit = _without_lost(problem, task)
     problem = _measured(problem, task)
     tell(7)
     problem = settled(with_two_sizes(problem), task.settings.poses)
     tell(8)
-    problem = simplest_kinds(mended(problem, task.rng))
+    repaired = mended(problem, task.rng)
+    if repaired is not problem and lost.any():
+        # What fitted nothing may fit what was mended.
+        repaired, lost, unfit = _without_lost(replace(repaired, lost=None), task)
+        repaired = settled(repaired, task.settings.poses)
+    problem = simplest_kinds(repaired)
+    _warn_of(problem.track.numbers[unfit], len(lost))
     tell(9)
     detection = _reported(problem, lost, task)
     tell(10)
@@ -152,7 +158,7 @@ def _pose_covariances(problem: Problem) -> Floats:
     if not problem.scene.obstacles:
         return problem.track.graph.covariances
     robust = (0.0, how.soft_scale, how.soft_cut)
-    return problem.thinned(how.stride).normal(robust).covariances()[1]
+    return problem.normal(robust).covariances()[1]
 
 
 def _found_at(problem: Problem, covariances: Floats, task: Task, *, is_first: bool) -> Scene:
@@ -160,7 +166,7 @@ def _found_at(problem: Problem, covariances: Floats, task: Task, *, is_first: bo
     track, rng = problem.track, task.rng
     how = task.settings.poses
     robust = (0.0, how.soft_scale, how.soft_cut)
-    some = None if is_first else is_well_known(problem, problem.thinned(how.stride).normal(robust))
+    some = None if is_first else is_well_known(problem, problem.normal(robust))
     scene, has_floor = _scene_at(track, covariances, task, some)
     space = carve(scene)
     room = problem.scene.room
@@ -201,7 +207,7 @@ def _sought_anew(problem: Problem, blur: float, rng: np.random.Generator) -> Pro
     """
     how, track = problem.scene.settings.poses, problem.track
     firm = np.inf, how.cut
-    here = problem.thinned(how.stride).normal((blur, *firm))
+    here = problem.normal((blur, *firm))
     suspects = np.flatnonzero(problem.is_suspect(here.beam_costs))
     if not len(suspects):
         return problem
@@ -228,7 +234,7 @@ def _sought_anew(problem: Problem, blur: float, rng: np.random.Generator) -> Pro
 
 def _share_of_suspects(problem: Problem) -> float:
     how = problem.scene.settings.poses
-    here = problem.thinned(how.stride).normal((0.0, np.inf, how.cut))
+    here = problem.normal((0.0, np.inf, how.cut))
     return float(problem.is_suspect(here.beam_costs).mean())
 
 
@@ -249,26 +255,30 @@ def _costs_near(
     return costs.reshape(-1, n) + 0.5 * np.einsum("kni,kij,knj->kn", off, information, off)
 
 
-def _without_lost(problem: Problem, task: Task) -> tuple[Problem, Bools]:
-    """Poses that fit worse than the others sought anew, and left out if that did not help."""
+def _without_lost(problem: Problem, task: Task) -> tuple[Problem, Bools, Bools]:
+    """Poses that fit worse than the others sought anew, and left out if that did not help.
+
+    Which these are, and of which of them a tenth of the beams fit nothing.
+    """
     how = problem.scene.settings.poses
     added = float(np.median(problem.track.added_sigma(problem.track.graph.covariances)))
     problem = _sought_anew(problem, 0.0, task.rng)
     problem = sharpened(problem, how.search_shrinking**how.search_rounds * added, how)
-    here = problem.normal((0.0, np.inf, how.cut))
-    excess = problem.excess(here.beam_costs)
-    lost = problem.is_suspect(here.beam_costs)
-    if not lost.any():
-        return problem, lost
-    fits_nothing = lost & (excess > how.most_lost * 0.5 * how.cut**2)
-    if fits_nothing.any():
-        names = ", ".join(map(str, problem.track.numbers[fits_nothing]))
+    costs = problem.normal((0.0, np.inf, how.cut)).beam_costs
+    lost = problem.is_suspect(costs)
+    unfit = lost & (problem.excess(costs) > how.most_lost * 0.5 * how.cut**2)
+    return (replace(problem, lost=lost) if lost.any() else problem), lost, unfit
+
+
+def _warn_of(numbers: Ints, n_poses: int) -> None:
+    """Poses whose beams fit nothing."""
+    if len(numbers):
+        names = ", ".join(map(str, numbers))
         warnings.warn(
-            f"the beams of {int(fits_nothing.sum())} of {len(lost)} poses fit nothing near where "
+            f"the beams of {len(numbers)} of {n_poses} poses fit nothing near where "
             f"they are believed to be, and do not count: poses {names}",
             stacklevel=5,
         )
-    return replace(problem, lost=lost), lost
 
 
 def _measured(problem: Problem, task: Task) -> Problem:

@@ -461,8 +461,6 @@ class PoseSettings(_Checked):
         something that the map lacks.
     cut : float, standard deviations
         Residual beyond which a beam does not count at the end: a Gaussian leaves 6 in 100 000.
-    stride : int
-        One beam in so many counts but at the end.
     longest_step : float, standard deviations
         Of a pose as believed, in one step.
     rise : float
@@ -495,12 +493,11 @@ class PoseSettings(_Checked):
     shared_sigmas: tuple[float, float, float, float] = (0.05, 0.03, 0.03, 0.1)
     widest_blur: float = 0.05
     sharpening: float = 2.5
-    level_steps: int = 4
+    level_steps: int = 2
     last_steps: int = 6
     soft_scale: float = 2.0
     soft_cut: float = 12.0
     cut: float = 4.0
-    stride: int = 3
     longest_step: float = 3.0
     rise: float = 0.01
     balance: float = 0.05

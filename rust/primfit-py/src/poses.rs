@@ -86,7 +86,7 @@ impl PoseBeams {
         self.0.n_poses()
     }
 
-    #[pyo3(signature = (poses, prisms, floor, shared, robust, stride=1, n_jobs=None))]
+    #[pyo3(signature = (poses, prisms, floor, shared, robust, n_jobs=None))]
     // Where the beams come from, what is around, and how it counts.
     #[allow(clippy::too_many_arguments)]
     fn sums<'py>(
@@ -97,17 +97,14 @@ impl PoseBeams {
         floor: f64,
         shared: [f64; 4],
         robust: [f64; 3],
-        stride: usize,
         n_jobs: Option<usize>,
     ) -> PyResult<Sums<'py>> {
         let (poses, prisms) = (rows("poses", &poses)?, prisms.candidates()?);
         let p = self.0.n_poses();
         same_length("poses", poses.len(), "starts less one", p)?;
         let around = Surroundings { prisms: &prisms, floor, globals: shared };
-        let stride = stride.max(1);
-        let found = door::enter(py, n_jobs, |workers| {
-            self.0.sums(poses, &around, told(robust), stride, workers)
-        })?;
+        let found =
+            door::enter(py, n_jobs, |workers| self.0.sums(poses, &around, told(robust), workers))?;
         let w = prisms.iter().map(|prism| prism.footprint.len()).sum();
         let mut walls = vec![0.0; 5 * w];
         let (mut costs, mut numbers, mut descents) = (vec![], vec![], vec![]);

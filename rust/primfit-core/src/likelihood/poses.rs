@@ -120,7 +120,7 @@ impl PoseBeams {
         self.starts.len().saturating_sub(1)
     }
 
-    /// What one beam in `stride` says of each pose and of what it meets; each stands for `stride`.
+    /// What the beams of each pose say of it and of what they meet.
     ///
     /// # Errors
     /// [`Error::Stopped`] when the caller does not want to go on.
@@ -129,7 +129,6 @@ impl PoseBeams {
         poses: &[Vector],
         around: &Surroundings,
         robust: Robust,
-        stride: usize,
         workers: &Workers,
     ) -> Result<Vec<PoseSums>, Error> {
         let (prisms, walls) = prepared(around.prisms);
@@ -140,10 +139,9 @@ impl PoseBeams {
             workers.install(|| {
                 sums.par_extend(some.par_iter().map(|&k| {
                     let mut sums = PoseSums::new(walls.len());
-                    self.visit(k, poses[k], around, &prisms, stride, |beam, met| {
+                    self.visit(k, poses[k], around, &prisms, 1, |beam, met| {
                         self.add(beam, met, poses[k], around, &walls, robust, &mut sums);
                     });
-                    sums.scale(stride as f64);
                     sums
                 }));
             });
@@ -151,7 +149,8 @@ impl PoseBeams {
         Ok(sums)
     }
 
-    /// Robust costs of places where poses may be; `of` tells which pose each place is of.
+    /// Robust costs of places where poses may be, by one beam in `stride`, each of which stands for
+    /// as many; `of` tells which pose each place is of.
     ///
     /// # Errors
     /// [`Error::Stopped`] when the caller does not want to go on.
@@ -311,16 +310,6 @@ impl PoseSums {
             walls: vec![[0.0; 5]; n_walls],
         }
     }
-
-    fn scale(&mut self, by: f64) {
-        self.cost *= by;
-        self.n *= by;
-        let cross = self.cross.iter_mut().flatten().flatten();
-        let rest = self.information.iter_mut().flatten().chain(&mut self.descent);
-        for value in rest.chain(cross).chain(self.walls.iter_mut().flatten()) {
-            *value *= by;
-        }
-    }
 }
 
 /// A beam in the world.
@@ -444,7 +433,7 @@ mod tests {
         let prisms = [Candidate { footprint: &ROOM, bottom: 0.0, top: 3.0, is_open: true }];
         let around = Surroundings { prisms: &prisms, floor: -10.0, globals };
         let workers = Workers::new(Some(1), &|| true).unwrap_or_else(|_| unreachable!());
-        let found = beams().sums(&[pose], &around, LEAST, 1, &workers);
+        let found = beams().sums(&[pose], &around, LEAST, &workers);
         let sums = found.map_or_else(|_| PoseSums::new(4), |mut found| found.remove(0));
         let h = 1e-6;
         for i in 0..RIGID {
