@@ -53,88 +53,147 @@ pub fn grow(
     seeds: &[Seed],
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
-    let points = tree.points();
-    let mut labels = vec![NOBODY; points.len()];
-    let mut off = vec![f32::INFINITY; points.len()];
-    let mut seen = vec![NOBODY; points.len()];
-    let mut search = Search::default();
-    let (mut within, mut members, mut queue) = (Vec::new(), Vec::new(), VecDeque::new());
-    let mut number = 0;
-    let is_along = |plane: &Spread, at: usize| {
-        !at.is_multiple_of(step) || dot(&local[at / step].normal, &plane.normal).abs() >= ALONG
+    let n = tree.points().len();
+    let mut growth = Growth {
+        tree,
+        graph,
+        noise,
+        local,
+        step,
+        labels: vec![NOBODY; n],
+        off: vec![f32::INFINITY; n],
+        seen: vec![NOBODY; n],
+        search: Search::default(),
+        members: Vec::new(),
+        queue: VecDeque::new(),
     };
-    for (i, &Seed { place: seed, size }) in seeds.iter().enumerate() {
+    let mut number = 0;
+    for (i, seed) in seeds.iter().enumerate() {
         if i % CHUNK == 0 {
             workers.check()?;
         }
-        let seed = seed as usize;
-        let is_new = |&place: &u32| f64::from(off[place as usize]) >= EXPLAIN;
-        if !is_new(&(seed as u32)) && !graph.of(seed).iter().any(is_new) {
-            continue;
+        let Some(first) = growth.first_plane(seed) else { continue };
+        let (plane, sigma) = growth.spread_from(seed, first, number);
+        if growth.members.len() >= FEWEST {
+            growth.claim(&plane, sigma, number);
+            number += 1;
         }
-        let given = f64::from(noise[seed]);
-        let window = tree.nearest(&points[seed], size as usize, &mut search);
+    }
+    Ok(growth.labels)
+}
+
+/// A cloud over which planes grow, one after the other.
+struct Growth<'a> {
+    tree: &'a PointTree,
+    graph: &'a Graph,
+    noise: &'a [f32],
+    local: &'a [LocalPlane],
+    step: usize,
+    labels: Vec<i32>,
+    /// How far each point is from its plane, in standard deviations.
+    off: Vec<f32>,
+    /// The plane that took up each point last while it grew.
+    seen: Vec<i32>,
+    search: Search,
+    /// Points of the plane that grows.
+    members: Vec<u32>,
+    queue: VecDeque<u32>,
+}
+
+impl Growth<'_> {
+    /// Whether no earlier plane explains a point.
+    fn is_new(&self, place: u32) -> bool {
+        f64::from(self.off[place as usize]) >= EXPLAIN
+    }
+
+    /// The plane of a seed's neighbourhood, whose points become the members; None where it tells
+    /// none, or earlier planes explain it.
+    fn first_plane(&mut self, seed: &Seed) -> Option<Spread> {
+        let (tree, at) = (self.tree, seed.place as usize);
+        let points = tree.points();
+        if !self.is_new(seed.place) && !self.graph.of(at).iter().any(|&other| self.is_new(other)) {
+            return None;
+        }
+        let given = f64::from(self.noise[at]);
+        let window = tree.nearest(&points[at], seed.size as usize, &mut self.search);
         if window.len() < 4 {
-            continue;
+            return None;
         }
-        let start = local[seed / step].is_flat.then(|| Spread {
-            mean: points[seed],
-            normal: local[seed / step].normal,
+        let own = &self.local[at / self.step];
+        let start = own.is_flat.then(|| Spread {
+            mean: points[at],
+            normal: own.normal,
             variances: [0.0; 3],
         });
-        let mut plane = cut_plane(points, window, start, EXPLAIN * given, CUTS, &mut within);
-        let n_new = within.iter().filter(|place| is_new(place)).count() as f64;
-        if plane.distance(&points[seed]).abs() > SEED * given
-            || (within.len() as f64) < ON_PLANE * window.len() as f64
-            || n_new < NEW * within.len() as f64
+        let n_all = window.len() as f64;
+        let plane = cut_plane(points, window, start, EXPLAIN * given, CUTS, &mut self.members);
+        let n_within = self.members.len() as f64;
+        let n_new = self.members.iter().filter(|&&place| self.is_new(place)).count() as f64;
+        if plane.distance(&points[at]).abs() > SEED * given
+            || n_within < ON_PLANE * n_all
+            || n_new < NEW * n_within
         {
-            continue;
+            return None;
         }
-        let mut sigma = given;
-        let mut sums = Sums::new(points[seed]);
-        members.clear();
-        queue.clear();
-        for &place in &within {
-            seen[place as usize] = number;
+        Some(plane)
+    }
+
+    /// Lets a plane take what touches its members and lies on it, step by step; the plane of all
+    /// members then, and its standard deviation.
+    fn spread_from(&mut self, seed: &Seed, first: Spread, number: i32) -> (Spread, f64) {
+        let points = self.tree.points();
+        let given = f64::from(self.noise[seed.place as usize]);
+        let (mut plane, mut sigma) = (first, given);
+        let mut sums = Sums::new(points[seed.place as usize]);
+        self.queue.clear();
+        for &place in &self.members {
+            self.seen[place as usize] = number;
             sums.add(&points[place as usize]);
-            members.push(place);
-            queue.push_back(place);
+            self.queue.push_back(place);
         }
-        let mut refit_at = REFIT * members.len() as f64;
-        while let Some(place) = queue.pop_front() {
-            for &other in graph.of(place as usize) {
+        let fitted = |sums: &Sums| {
+            let plane = sums.moments().spread();
+            let sigma = plane.variances[0].sqrt().clamp(SIGMA.0 * given, SIGMA.1 * given);
+            (plane, sigma)
+        };
+        let mut refit_at = REFIT * self.members.len() as f64;
+        while let Some(place) = self.queue.pop_front() {
+            for &other in self.graph.of(place as usize) {
                 let at = other as usize;
-                if seen[at] == number
+                if self.seen[at] == number
                     || plane.distance(&points[at]).abs() >= TAKE * sigma
-                    || !is_along(&plane, at)
+                    || !self.is_along(&plane, at)
                 {
                     continue;
                 }
-                seen[at] = number;
+                self.seen[at] = number;
                 sums.add(&points[at]);
-                members.push(other);
-                queue.push_back(other);
+                self.members.push(other);
+                self.queue.push_back(other);
             }
-            if members.len() as f64 >= refit_at {
-                plane = sums.moments().spread();
-                sigma = plane.variances[0].sqrt().clamp(SIGMA.0 * given, SIGMA.1 * given);
-                refit_at = REFIT * members.len() as f64;
-            }
-        }
-        plane = sums.moments().spread();
-        sigma = plane.variances[0].sqrt().clamp(SIGMA.0 * given, SIGMA.1 * given);
-        if members.len() < FEWEST {
-            continue;
-        }
-        for &place in &members {
-            let at = place as usize;
-            let distance = (plane.distance(&points[at]).abs() / sigma) as f32;
-            if f64::from(distance) < TAKE && distance < off[at] {
-                off[at] = distance;
-                labels[at] = number;
+            if self.members.len() as f64 >= refit_at {
+                (plane, sigma) = fitted(&sums);
+                refit_at = REFIT * self.members.len() as f64;
             }
         }
-        number += 1;
+        fitted(&sums)
     }
-    Ok(labels)
+
+    /// Whether the neighbourhood of a point, where it has one of its own, lies along a plane.
+    fn is_along(&self, plane: &Spread, at: usize) -> bool {
+        !at.is_multiple_of(self.step)
+            || dot(&self.local[at / self.step].normal, &plane.normal).abs() >= ALONG
+    }
+
+    /// Gives a plane those of its members that lie on no other one as well.
+    fn claim(&mut self, plane: &Spread, sigma: f64, number: i32) {
+        for &place in &self.members {
+            let at = place as usize;
+            let distance = (plane.distance(&self.tree.points()[at]).abs() / sigma) as f32;
+            if f64::from(distance) < TAKE && distance < self.off[at] {
+                self.off[at] = distance;
+                self.labels[at] = number;
+            }
+        }
+    }
 }
