@@ -1,6 +1,7 @@
 //! The planes of a cloud of which nothing is known: grown, in competition, cut, merged, tested.
 
 mod acceptance;
+mod context;
 mod continuation;
 pub(crate) mod curvature;
 mod graph;
@@ -18,6 +19,7 @@ use crate::neighbors::PointTree;
 use crate::neighbors::normals::{LocalPlane, THICKEST};
 use crate::{Error, Vector, Workers};
 use acceptance::{accept, accept_parts};
+use context::Context;
 use continuation::without_patches;
 use graph::Graph;
 use growth::{FEWEST, NOBODY, Seed, grow};
@@ -120,32 +122,30 @@ fn segment_evenly(
         (common.map_or(noise, |sigma| vec![sigma as f32; points.len()]), surfaces)
     };
     let seeds = seeds(tree, &local, step, &noise);
-    let mut labels = grow(tree, &graph, &noise, &local, step, &seeds, workers)?;
-    let fitted = |labels: &[i32]| regions::fit(points, &noise, labels, workers);
+    let context = &Context { tree, graph: &graph, noise: &noise, surfaces };
+    let mut labels = grow(context, &local, step, &seeds, workers)?;
     let swept = |labels: Vec<i32>| {
-        (0..SWEEPS).try_fold(labels, |labels, _| {
-            compete(points, &graph, &fitted(&labels), &labels, surfaces, workers)
-        })
+        (0..SWEEPS).try_fold(labels, |labels, _| compete(context, &labels, workers))
     };
     let mut before = sizes(&labels);
     for _ in 0..ROUNDS {
         labels = swept(labels)?;
-        labels = split(points, &fitted(&labels), &labels, workers);
-        labels = compete(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;
-        labels = merge(&graph, &fitted(&labels), &labels, surfaces);
+        labels = split(context, &labels, workers);
+        labels = compete(context, &labels, workers)?;
+        labels = merge(context, &labels, workers);
         let after = sizes(&labels);
         if have_settled(&before, &after) {
             break;
         }
         before = after;
     }
-    labels = swept(accept(tree, &graph, &noise, &labels, surfaces, workers)?)?;
-    labels = merge(&graph, &fitted(&labels), &labels, surfaces);
-    labels = pieces(points, &graph, &labels);
-    labels = join_strips(tree, &graph, &fitted(&labels), &labels, surfaces, workers)?;
-    labels = accept_parts(tree, &graph, &noise, &labels, surfaces, workers)?;
+    labels = swept(accept(context, &labels, workers)?)?;
+    labels = merge(context, &labels, workers);
+    labels = pieces(context, &labels);
+    labels = join_strips(context, &labels, workers)?;
+    labels = accept_parts(context, &labels, workers)?;
     for _ in 0..PASSES {
-        labels = without_patches(points, &graph, &fitted(&labels), &labels, surfaces, workers)?;
+        labels = without_patches(context, &labels, workers)?;
     }
     let known =
         |i: usize| if noise[i].is_nan() { local[i / step].sigma } else { f64::from(noise[i]) };

@@ -1,12 +1,12 @@
 //! Which regions are planes, and which are points that happen to lie near one.
 
+use super::context::Context;
 use super::curvature::{Bend, Heights};
-use super::graph::Graph;
 use super::growth::{FEWEST, NOBODY};
 use super::regions::{self, Members};
 use super::roughness::Surfaces;
 use crate::neighbors::normals::FLOOR;
-use crate::neighbors::{Neighbor, PointTree, Search};
+use crate::neighbors::{Neighbor, Search};
 use crate::spread::{Moments, Spread};
 use crate::{Error, Vector, Workers};
 
@@ -65,15 +65,8 @@ const FLAT_BY_CHANCE: f64 = 288.0;
 ///
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
-pub fn accept(
-    tree: &PointTree,
-    graph: &Graph,
-    noise: &[f32],
-    labels: &[i32],
-    surfaces: Surfaces,
-    workers: &Workers,
-) -> Result<Vec<i32>, Error> {
-    accept_parts(tree, graph, noise, &regions::components(graph, labels), surfaces, workers)
+pub fn accept(context: &Context, labels: &[i32], workers: &Workers) -> Result<Vec<i32>, Error> {
+    accept_parts(context, &regions::components(context.graph, labels), workers)
 }
 
 /// The same for parts that are not looked at for being connected.
@@ -81,14 +74,12 @@ pub fn accept(
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
 pub fn accept_parts(
-    tree: &PointTree,
-    graph: &Graph,
-    noise: &[f32],
+    context: &Context,
     labels: &[i32],
-    surfaces: Surfaces,
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
-    let regions = regions::fit(tree.points(), noise, labels, workers);
+    let surfaces = context.surfaces;
+    let regions = context.fit(labels, workers);
     let planes: Vec<(Spread, f64)> = regions
         .iter()
         .map(|region| {
@@ -99,7 +90,7 @@ pub fn accept_parts(
     let members = Members::of(labels);
     let usual = Usual::of(&planes, &members);
     let thinnest = if surfaces == Surfaces::Rough { THINNEST } else { 0.0 };
-    let test = Test { tree, graph, labels, regions: &regions, planes: &planes, thinnest, usual };
+    let test = Test { context, labels, regions: &regions, planes: &planes, thinnest, usual };
     let mut accepted = vec![false; planes.len()];
     workers.fill(&mut accepted, 1, Search::default, |search, k, accepted| {
         accepted[0] = test.passes(k, members.get(k), search);
@@ -116,8 +107,7 @@ pub fn accept_parts(
 }
 
 struct Test<'a> {
-    tree: &'a PointTree,
-    graph: &'a Graph,
+    context: &'a Context<'a>,
     labels: &'a [i32],
     regions: &'a [regions::Region],
     /// Plane and standard deviation of each label.
@@ -148,7 +138,7 @@ impl Test<'_> {
     fn purity(&self, label: i32, places: &[u32]) -> f64 {
         let (mut same, mut nobody) = (0, 0);
         for &place in places {
-            for &other in self.graph.of(place as usize) {
+            for &other in self.context.graph.of(place as usize) {
                 let other = self.labels[other as usize];
                 same += i64::from(other == label);
                 nobody += i64::from(other == NOBODY);
@@ -160,7 +150,7 @@ impl Test<'_> {
     /// Whether the points bend, and not only by those that planes which they touch explain better:
     /// beyond an edge these lie near the plane, too, if they are few.
     fn is_bent(&self, number: usize, places: &[u32]) -> bool {
-        let points = self.tree.points();
+        let points = self.context.points();
         let (spread, sigma) = &self.planes[number];
         let all = places.iter().map(|&place| &points[place as usize]);
         let Some(bend) = Bend::of(all, spread).filter(Bend::is_clear) else { return false };
@@ -182,7 +172,7 @@ impl Test<'_> {
     /// Whether distances from the paraboloid of a region's points are those of white noise: means
     /// over neighbourhoods vary no more than their number of points makes them.
     fn is_white(&self, number: usize, places: &[u32]) -> bool {
-        let points = self.tree.points();
+        let points = self.context.points();
         let mut heights = Heights::over(&self.planes[number].0);
         for &place in places {
             heights.add(&points[place as usize]);
@@ -192,7 +182,7 @@ impl Test<'_> {
         let (mut of_means, mut of_points) = (0.0, 0.0);
         for &place in places {
             let (mut sum, mut count) = (off(place), 1.0);
-            for &other in self.graph.of(place as usize) {
+            for &other in self.context.graph.of(place as usize) {
                 if self.labels[other as usize] == number as i32 {
                     sum += off(other);
                     count += 1.0;
@@ -209,7 +199,7 @@ impl Test<'_> {
     ///
     /// Looked at are its own points and those of no plane, in balls around some of its own.
     fn evidence(&self, number: usize, places: &[u32], search: &mut Search) -> f64 {
-        let points = self.tree.points();
+        let points = self.context.points();
         let (spread, sigma) = &self.planes[number];
         let n_samples = SAMPLES.min(places.len());
         let mut densities = Vec::new();
@@ -218,10 +208,10 @@ impl Test<'_> {
         let mut alone = Profile::default();
         for sample in 0..n_samples {
             let place = places[sample * places.len() / n_samples] as usize;
-            let spacing = self.graph.reach(place, points);
+            let spacing = self.context.graph.reach(place, points);
             let radius = spacing.max(FAR * sigma);
             let close = spacing.max(CLOSE * sigma);
-            let around = self.tree.within(&points[place], radius, search);
+            let around = self.context.tree.within(&points[place], radius, search);
             let middle = self.local_middle(number, around, close);
             for &Neighbor { place, squared, .. } in around {
                 let off = spread.distance(&points[place as usize]);
@@ -260,7 +250,7 @@ impl Test<'_> {
         let (mut sum, mut count) = (0.0, 0.0);
         for &Neighbor { place, squared, .. } in around {
             if squared <= close * close && self.labels[place as usize] == number as i32 {
-                sum += spread.distance(&self.tree.points()[place as usize]);
+                sum += spread.distance(&self.context.points()[place as usize]);
                 count += 1.0;
             }
         }
@@ -270,10 +260,10 @@ impl Test<'_> {
 
     /// Greatest density of a point by other planes that it touches.
     fn density_of_others(&self, number: usize, place: usize) -> f64 {
-        let point: &Vector = &self.tree.points()[place];
+        let point: &Vector = &self.context.points()[place];
         let mut last = number as i32;
         let mut greatest: f64 = 0.0;
-        for &other in self.graph.of(place) {
+        for &other in self.context.graph.of(place) {
             let label = self.labels[other as usize];
             if label != last && label != NOBODY && label != number as i32 {
                 let (spread, sigma) = &self.planes[label as usize];

@@ -1,10 +1,9 @@
 //! Patches of curved surfaces that pass for planes: beyond their borders the surface goes on.
 
+use super::context::Context;
 use super::curvature::{Bend, Heights};
-use super::graph::Graph;
 use super::growth::NOBODY;
 use super::regions::{Members, REACH, Region};
-use super::roughness::Surfaces;
 use crate::spread::Spread;
 use crate::{Error, Vector, Workers};
 use std::collections::HashSet;
@@ -22,13 +21,11 @@ const STEPS: usize = 32;
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
 pub fn without_patches(
-    points: &[Vector],
-    graph: &Graph,
-    regions: &[Region],
+    context: &Context,
     labels: &[i32],
-    surfaces: Surfaces,
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
+    let regions = context.fit(labels, workers);
     let members = Members::of(labels);
     let planes: Vec<Spread> = regions.iter().map(Region::spread).collect();
     let mut is_patch = vec![false; regions.len()];
@@ -37,8 +34,8 @@ pub fn without_patches(
         1,
         || (),
         |(), k, is_patch| {
-            let sigma = regions[k].sigma(&planes[k], surfaces);
-            let bend = continued(points, graph, labels, members.get(k), &planes, sigma);
+            let sigma = regions[k].sigma(&planes[k], context.surfaces);
+            let bend = continued(context, labels, members.get(k), &planes, sigma);
             is_patch[0] = bend.is_some();
         },
     )?;
@@ -58,13 +55,13 @@ pub fn without_patches(
 /// surface around it that the paraboloid explains at least as well as all those planes do, with
 /// fewer parameters.
 fn continued(
-    points: &[Vector],
-    graph: &Graph,
+    context: &Context,
     labels: &[i32],
     places: &[u32],
     planes: &[Spread],
     sigma: f64,
 ) -> Option<Bend> {
+    let (points, graph) = (context.points(), context.graph);
     let own = labels[places[0] as usize];
     let mut heights = Heights::over(&planes[own as usize]);
     for &place in places {
@@ -139,7 +136,8 @@ mod tests {
 
     use super::*;
     use crate::neighbors::PointTree;
-    use crate::segmentation::regions;
+    use crate::segmentation::graph::Graph;
+    use crate::segmentation::roughness::Surfaces;
 
     const GO_ON: fn() -> bool = || true;
     const NOISE: f64 = 0.005;
@@ -162,9 +160,9 @@ mod tests {
         let graph = Graph::new(&tree, 10, 32, &workers).unwrap();
         let labels: Vec<i32> = tree.points().iter().map(label).collect();
         let noise = vec![NOISE as f32; points.len()];
-        let regions = regions::fit(tree.points(), &noise, &labels, &workers);
-        let left =
-            without_patches(tree.points(), &graph, &regions, &labels, Surfaces::Smooth, &workers);
+        let (tree, graph, noise) = (&tree, &graph, &noise[..]);
+        let context = Context { tree, graph, noise, surfaces: Surfaces::Smooth };
+        let left = without_patches(&context, &labels, &workers);
         tree.points().iter().copied().zip(left.unwrap()).collect()
     }
 

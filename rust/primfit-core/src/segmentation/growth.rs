@@ -1,8 +1,8 @@
 //! Candidate planes: grown from seeds over the graph of touching points.
 
-use super::graph::Graph;
+use super::context::Context;
+use crate::neighbors::Search;
 use crate::neighbors::normals::{LocalPlane, cut_plane};
-use crate::neighbors::{PointTree, Search};
 use crate::spread::{Spread, Sums, dot};
 use crate::{Error, Workers};
 use std::collections::VecDeque;
@@ -45,19 +45,15 @@ pub struct Seed {
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
 pub fn grow(
-    tree: &PointTree,
-    graph: &Graph,
-    noise: &[f32],
+    context: &Context,
     local: &[LocalPlane],
     step: usize,
     seeds: &[Seed],
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
-    let n = tree.points().len();
+    let n = context.points().len();
     let mut growth = Growth {
-        tree,
-        graph,
-        noise,
+        context,
         local,
         step,
         labels: vec![NOBODY; n],
@@ -84,9 +80,7 @@ pub fn grow(
 
 /// A cloud over which planes grow, one after the other.
 struct Growth<'a> {
-    tree: &'a PointTree,
-    graph: &'a Graph,
-    noise: &'a [f32],
+    context: &'a Context<'a>,
     local: &'a [LocalPlane],
     step: usize,
     labels: Vec<i32>,
@@ -109,12 +103,14 @@ impl Growth<'_> {
     /// The plane of a seed's neighbourhood, whose points become the members; None where it tells
     /// none, or earlier planes explain it.
     fn first_plane(&mut self, seed: &Seed) -> Option<Spread> {
-        let (tree, at) = (self.tree, seed.place as usize);
+        let (tree, at) = (self.context.tree, seed.place as usize);
         let points = tree.points();
-        if !self.is_new(seed.place) && !self.graph.of(at).iter().any(|&other| self.is_new(other)) {
+        if !self.is_new(seed.place)
+            && !self.context.graph.of(at).iter().any(|&other| self.is_new(other))
+        {
             return None;
         }
-        let given = f64::from(self.noise[at]);
+        let given = f64::from(self.context.noise[at]);
         let window = tree.nearest(&points[at], seed.size as usize, &mut self.search);
         if window.len() < 4 {
             return None;
@@ -141,8 +137,8 @@ impl Growth<'_> {
     /// Lets a plane take what touches its members and lies on it, step by step; the plane of all
     /// members then, and its standard deviation.
     fn spread_from(&mut self, seed: &Seed, first: Spread, number: i32) -> (Spread, f64) {
-        let points = self.tree.points();
-        let given = f64::from(self.noise[seed.place as usize]);
+        let points = self.context.points();
+        let given = f64::from(self.context.noise[seed.place as usize]);
         let (mut plane, mut sigma) = (first, given);
         let mut sums = Sums::new(points[seed.place as usize]);
         self.queue.clear();
@@ -158,7 +154,7 @@ impl Growth<'_> {
         };
         let mut refit_at = REFIT * self.members.len() as f64;
         while let Some(place) = self.queue.pop_front() {
-            for &other in self.graph.of(place as usize) {
+            for &other in self.context.graph.of(place as usize) {
                 let at = other as usize;
                 if self.seen[at] == number
                     || plane.distance(&points[at]).abs() >= TAKE * sigma
@@ -189,7 +185,7 @@ impl Growth<'_> {
     fn claim(&mut self, plane: &Spread, sigma: f64, number: i32) {
         for &place in &self.members {
             let at = place as usize;
-            let distance = (plane.distance(&self.tree.points()[at]).abs() / sigma) as f32;
+            let distance = (plane.distance(&self.context.points()[at]).abs() / sigma) as f32;
             if f64::from(distance) < TAKE && distance < self.off[at] {
                 self.off[at] = distance;
                 self.labels[at] = number;

@@ -1,9 +1,11 @@
 //! Touching planes that are one: put together as long as the points allow it.
 
+use super::context::Context;
 use super::graph::Graph;
 use super::growth::NOBODY;
 use super::regions::{Region, SHARE};
 use super::roughness::{Law, Surfaces};
+use crate::Workers;
 use crate::agglomeration::{Clusters, agglomerate};
 use crate::spread::Spread;
 use std::collections::BTreeMap;
@@ -20,9 +22,10 @@ const UNEQUAL: f64 = 4.0;
 ///
 /// Two are one when the sum of squared distances grows by less than a plane's parameters and the
 /// smaller plane's freedom to move are worth.
-pub fn merge(graph: &Graph, regions: &[Region], labels: &[i32], surfaces: Surfaces) -> Vec<i32> {
-    let touching = touching(graph, labels, regions.len());
-    let mut planes = Planes { freedom: Freedom::of(surfaces, regions), regions: regions.to_vec() };
+pub fn merge(context: &Context, labels: &[i32], workers: &Workers) -> Vec<i32> {
+    let regions = context.fit(labels, workers);
+    let touching = touching(context.graph, labels, regions.len());
+    let mut planes = Planes { freedom: Freedom::of(context.surfaces, &regions), regions };
     let into = agglomerate(&mut planes, touching);
     let of = |&label: &i32| if label == NOBODY { NOBODY } else { into[label as usize] as i32 };
     labels.iter().map(of).collect()
@@ -142,7 +145,6 @@ mod tests {
 
     use super::*;
     use crate::neighbors::PointTree;
-    use crate::segmentation::regions;
     use crate::{Vector, Workers};
 
     #[test]
@@ -159,8 +161,9 @@ mod tests {
         let graph = Graph::new(&tree, 24, 96, &workers).unwrap();
         let labels: Vec<i32> = tree.points().iter().map(|p| i32::from(p[0] > 0.3)).collect();
         let noise = vec![0.003; points.len()];
-        let regions = regions::fit(tree.points(), &noise, &labels, &workers);
-        let mut merged = merge(&graph, &regions, &labels, Surfaces::Smooth);
+        let (tree, graph, noise) = (&tree, &graph, &noise[..]);
+        let context = Context { tree, graph, noise, surfaces: Surfaces::Smooth };
+        let mut merged = merge(&context, &labels, &workers);
         merged.dedup();
         assert_eq!(merged.len(), 1);
     }

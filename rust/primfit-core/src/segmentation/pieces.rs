@@ -1,5 +1,6 @@
 //! Planes in pieces: parts of one plane with a gap between them that the spacing does not explain.
 
+use super::context::Context;
 use super::graph::Graph;
 use super::growth::{FEWEST, NOBODY};
 use super::regions::{Members, components_by};
@@ -22,7 +23,8 @@ pub const CHANCE: f64 = 6.9;
 
 /// The labels with each piece its own; pieces too small for a plane stay with the largest one that
 /// they touch.
-pub fn pieces(points: &[Vector], graph: &Graph, labels: &[i32]) -> Vec<i32> {
+pub fn pieces(context: &Context, labels: &[i32]) -> Vec<i32> {
+    let (points, graph) = (context.points(), context.graph);
     let longest: Vec<f64> = (0..labels.len()).map(|i| longest(points, graph, labels, i)).collect();
     let mut near = Vec::new();
     let usual: Vec<f64> = (0..labels.len())
@@ -204,6 +206,16 @@ mod tests {
     use super::*;
     use crate::Workers;
     use crate::neighbors::PointTree;
+    use crate::segmentation::roughness::Surfaces;
+
+    /// Pieces of points of one plane.
+    fn pieces_of_one(points: &[Vector]) -> Vec<i32> {
+        let workers = &Workers::new(Some(1), &(|| true)).unwrap();
+        let tree = &PointTree::new(points);
+        let graph = &Graph::new(tree, 16, 96, workers).unwrap();
+        let context = Context { tree, graph, noise: &[], surfaces: Surfaces::Smooth };
+        pieces(&context, &vec![0; points.len()])
+    }
 
     /// Sizes of the pieces of points scattered over a square of 1 where `is_there` says so.
     fn sizes(is_there: impl Fn(f64, f64) -> bool) -> Vec<usize> {
@@ -212,10 +224,7 @@ mod tests {
             .filter(|&(u, v)| is_there(u, v))
             .map(|(u, v)| [u, v, 0.3 * u - 0.2 * v])
             .collect();
-        let workers = Workers::new(Some(1), &(|| true)).unwrap();
-        let tree = PointTree::new(&points);
-        let graph = Graph::new(&tree, 16, 96, &workers).unwrap();
-        let members = Members::of(&pieces(tree.points(), &graph, &vec![0; points.len()]));
+        let members = Members::of(&pieces_of_one(&points));
         (0..members.len()).map(|k| members.get(k).len()).filter(|&size| size > 0).collect()
     }
 
@@ -240,10 +249,7 @@ mod tests {
             (seed >> 11) as f64 / (1_u64 << 53) as f64
         };
         let points: Vec<Vector> = (0..400).map(|_| [2.0 * draw(), 0.04 * draw(), 0.0]).collect();
-        let workers = Workers::new(Some(1), &(|| true)).unwrap();
-        let tree = PointTree::new(&points);
-        let graph = Graph::new(&tree, 16, 96, &workers).unwrap();
-        let parts = pieces(tree.points(), &graph, &vec![0; points.len()]);
+        let parts = pieces_of_one(&points);
         assert!(parts.iter().all(|&part| part == parts[0]));
     }
 

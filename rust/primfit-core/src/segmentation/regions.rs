@@ -1,5 +1,6 @@
 //! Planes as sets of labelled points: fit, competition for points, merging, components.
 
+use super::context::Context;
 use super::graph::Graph;
 use super::growth::NOBODY;
 use super::roughness::Surfaces;
@@ -109,15 +110,10 @@ pub fn fit(points: &[Vector], noise: &[f32], labels: &[i32], workers: &Workers) 
 ///
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
-pub fn compete(
-    points: &[Vector],
-    graph: &Graph,
-    regions: &[Region],
-    labels: &[i32],
-    surfaces: Surfaces,
-    workers: &Workers,
-) -> Result<Vec<i32>, Error> {
-    let competition = Competition::new(regions, surfaces, graph.most());
+pub fn compete(context: &Context, labels: &[i32], workers: &Workers) -> Result<Vec<i32>, Error> {
+    let &Context { graph, surfaces, .. } = context;
+    let points = context.points();
+    let competition = Competition::new(&context.fit(labels, workers), surfaces, graph.most());
     let mut next = vec![NOBODY; labels.len()];
     workers.fill(&mut next, 1, Vec::new, |counts, i, best| {
         let labels = graph.of(i).iter().map(|&other| labels[other as usize]);

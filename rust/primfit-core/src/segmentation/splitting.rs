@@ -1,5 +1,6 @@
 //! Planes that are two: cut where two planes explain much more.
 
+use super::context::Context;
 use super::merging::Freedom;
 use super::regions::{Members, Region};
 use super::roughness::Surfaces;
@@ -26,8 +27,9 @@ struct Cut {
 
 /// New labels after cutting each region that two planes explain better, at the price of smooth
 /// surfaces: what is one on rough ones is put together again.
-pub fn split(points: &[Vector], regions: &[Region], labels: &[i32], workers: &Workers) -> Vec<i32> {
-    let freedom = Freedom::of(Surfaces::Smooth, regions);
+pub fn split(context: &Context, labels: &[i32], workers: &Workers) -> Vec<i32> {
+    let (points, regions) = (context.points(), context.fit(labels, workers));
+    let freedom = Freedom::of(Surfaces::Smooth, &regions);
     let members = Members::of(labels);
     let cuts: Vec<Option<Cut>> = workers.install(|| {
         (0..regions.len())
@@ -81,36 +83,58 @@ fn best_cut(
         let (before, [cos, sin]) = (along, STEP);
         along = std::array::from_fn(|k| cos * before[k] + sin * across[k]);
         across = std::array::from_fn(|k| cos * across[k] - sin * before[k]);
-        let places: Vec<f64> = some.iter().map(|point| dot(&along, point)).collect();
-        let low = places.iter().copied().fold(f64::INFINITY, f64::min);
-        let width = (places.iter().copied().fold(f64::NEG_INFINITY, f64::max) - low) / BINS as f64;
-        if width <= 0.0 {
-            continue;
-        }
-        let mut bins = vec![Sums::new(spread.mean); BINS];
-        for (place, point) in places.iter().zip(&some) {
-            bins[(((place - low) / width) as usize).min(BINS - 1)].add(point);
-        }
-        let bins: Vec<Moments> = bins.iter().map(Sums::moments).collect();
-        let mut after = vec![Moments::default(); BINS + 1];
-        for k in (0..BINS).rev() {
-            after[k] = bins[k].joined(&after[k + 1]);
-        }
-        let mut before = Moments::default();
-        for k in 1..BINS {
-            before = before.joined(&bins[k - 1]);
-            let counts = [before.count * scale, after[k].count * scale];
+        let Some(slices) = Slices::of(&some, &along, &spread.mean) else { continue };
+        for (at, parts) in slices.cuts() {
+            let counts = parts.map(|part| part.count * scale);
             if counts[0] < FEWEST || counts[1] < FEWEST {
                 continue;
             }
-            let of = |moments: &Moments| moments.spread().variances[0] * moments.count;
-            let fall = scale * (squares - of(&before) - of(&after[k]));
+            let [before, after] = parts.map(|part| part.spread().variances[0] * part.count);
+            let fall = scale * (squares - before - after);
             let gain = fall / variance - freedom.worth(counts);
             if gain > best_gain {
                 best_gain = gain;
-                best = Some(Cut { along, at: low + k as f64 * width });
+                best = Some(Cut { along, at });
             }
         }
     }
     best
+}
+
+/// Points sorted into slices of one width along a direction.
+struct Slices {
+    low: f64,
+    width: f64,
+    /// Moments of each slice.
+    moments: Vec<Moments>,
+}
+
+impl Slices {
+    /// None of points without extent along it.
+    fn of(points: &[&Vector], along: &Vector, origin: &Vector) -> Option<Self> {
+        let places: Vec<f64> = points.iter().map(|point| dot(along, point)).collect();
+        let low = places.iter().copied().fold(f64::INFINITY, f64::min);
+        let width = (places.iter().copied().fold(f64::NEG_INFINITY, f64::max) - low) / BINS as f64;
+        if width <= 0.0 {
+            return None;
+        }
+        let mut sums = vec![Sums::new(*origin); BINS];
+        for (place, point) in places.iter().zip(points) {
+            sums[(((place - low) / width) as usize).min(BINS - 1)].add(point);
+        }
+        Some(Self { low, width, moments: sums.iter().map(Sums::moments).collect() })
+    }
+
+    /// Where one slice ends and the next begins, and what is before and after.
+    fn cuts(&self) -> impl Iterator<Item = (f64, [Moments; 2])> {
+        let mut after = vec![Moments::default(); BINS + 1];
+        for k in (0..BINS).rev() {
+            after[k] = self.moments[k].joined(&after[k + 1]);
+        }
+        let mut before = Moments::default();
+        (1..BINS).map(move |k| {
+            before = before.joined(&self.moments[k - 1]);
+            (self.low + k as f64 * self.width, [before, after[k]])
+        })
+    }
 }

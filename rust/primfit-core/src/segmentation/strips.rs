@@ -1,13 +1,13 @@
 //! Narrow strips, as the edge of a door: what lies beside them hides one end of a chance gap from
 //! the other.
 
-use super::graph::Graph;
+use super::context::Context;
 use super::growth::NOBODY;
 use super::merging::Freedom;
 use super::pieces::{CHANCE, gap, spacing};
 use super::regions::{Competition, Members, Region};
 use super::roughness::Surfaces;
-use crate::neighbors::{PointTree, Search};
+use crate::neighbors::Search;
 use crate::{Error, Workers};
 
 /// Nearest points among which the other end of a gap is looked for, as the graph does for bridges.
@@ -22,17 +22,16 @@ const UNBRIDGED: f64 = 2.0;
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
 pub fn join_strips(
-    tree: &PointTree,
-    graph: &Graph,
-    regions: &[Region],
+    context: &Context,
     labels: &[i32],
-    surfaces: Surfaces,
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
+    let &Context { tree, graph, surfaces, .. } = context;
     if surfaces == Surfaces::Rough {
         return Ok(labels.to_vec());
     }
     let points = tree.points();
+    let regions = &context.fit(labels, workers)[..];
     let mut members = Members::of(labels);
     let mut narrow: Vec<u32> = Vec::new();
     for k in 0..members.len() {
@@ -45,7 +44,7 @@ pub fn join_strips(
         }
     }
     narrow.sort_unstable();
-    let labels = &taken(tree, graph, regions, labels, &mut narrow, surfaces, workers)?;
+    let labels = &taken(context, regions, labels, &mut narrow, workers)?;
     let mut ends: Vec<Vec<([i32; 2], [u32; 2])>> = vec![Vec::new(); narrow.len()];
     workers.fill(&mut ends, 1, Search::default, |search, k, ends| {
         let place = narrow[k];
@@ -85,14 +84,13 @@ pub fn join_strips(
 /// The labels with points of no plane given to the likeliest one around them, where a strip is
 /// among these: short parts between two gaps had nothing that they touch. They join the strips' points.
 fn taken(
-    tree: &PointTree,
-    graph: &Graph,
+    context: &Context,
     regions: &[Region],
     labels: &[i32],
     narrow: &mut Vec<u32>,
-    surfaces: Surfaces,
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
+    let &Context { tree, graph, surfaces, .. } = context;
     let points = tree.points();
     let competition = Competition::new(regions, surfaces, LOOKED_AT);
     let mut labels = labels.to_vec();
