@@ -64,7 +64,7 @@ pub fn grow(
         queue: VecDeque::new(),
     };
     let mut number = 0;
-    for (i, seed) in seeds.iter().enumerate() {
+    for (i, &seed) in seeds.iter().enumerate() {
         if i % CHUNK == 0 {
             workers.check()?;
         }
@@ -102,7 +102,7 @@ impl Growth<'_> {
 
     /// The plane of a seed's neighbourhood, whose points become the members; None where it tells
     /// none, or earlier planes explain it.
-    fn first_plane(&mut self, seed: &Seed) -> Option<Spread> {
+    fn first_plane(&mut self, seed: Seed) -> Option<Spread> {
         let (tree, at) = (self.context.tree, seed.place as usize);
         let points = tree.points();
         if !self.is_new(seed.place)
@@ -136,7 +136,7 @@ impl Growth<'_> {
 
     /// Lets a plane take what touches its members and lies on it, step by step; the plane of all
     /// members then, and its standard deviation.
-    fn spread_from(&mut self, seed: &Seed, first: Spread, number: i32) -> (Spread, f64) {
+    fn spread_from(&mut self, seed: Seed, first: Spread, number: i32) -> (Spread, f64) {
         let points = self.context.points();
         let given = f64::from(self.context.noise[seed.place as usize]);
         let (mut plane, mut sigma) = (first, given);

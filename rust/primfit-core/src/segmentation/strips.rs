@@ -34,9 +34,9 @@ pub fn join_strips(
     let regions = &context.fit(labels, workers)[..];
     let mut members = Members::of(labels);
     let mut narrow: Vec<u32> = Vec::new();
-    for k in 0..members.len() {
+    for (k, region) in regions.iter().enumerate() {
         let places = members.get(k);
-        let width = (12.0 * regions[k].spread().variances[1]).sqrt();
+        let width = (12.0 * region.spread().variances[1]).sqrt();
         let spacing = spacing(points, graph, labels, places.iter().copied());
         let most = (places.len() as f64).ln() + CHANCE;
         if UNBRIDGED * (width / spacing + 1.0) < most {
