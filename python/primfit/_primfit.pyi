@@ -202,7 +202,10 @@ class PointTree:
         NDArray[np.bool_],
     ]: ...
     def segment(
-        self, sigma: NDArray[np.float64] | None = None, n_jobs: int | None = None
+        self,
+        sigma: NDArray[np.float64] | None = None,
+        n_jobs: int | None = None,
+        factors: Sequence[tuple[str, float]] = (),
     ) -> tuple[NDArray[np.int64], NDArray[np.float64], int, int]: ...
 
 def carve(
@@ -302,6 +305,7 @@ def score_planes(
     msac: bool = False,
     n_jobs: int | None = None,
 ) -> NDArray[np.float64]: ...
+def segmentation_settings() -> list[tuple[str, list[float]]]: ...
 def segment_image(
     points: NDArray[np.float64],
     width: int,

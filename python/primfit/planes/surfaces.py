@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,7 +45,12 @@ class FlatParts:
         return replace(self, labels=labels, sigma=sigma, order=np.flatnonzero(mask)[self.order])
 
 
-def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None = None) -> FlatParts:
+def flat_parts(
+    points: Floats,
+    sigma: Floats | None = None,
+    n_jobs: int | None = None,
+    factors: Sequence[tuple[str, float]] = (),
+) -> FlatParts:
     """Connected flat parts, without any scale given.
 
     Around each point the smallest neighbourhood is sought that is clearly flat; it tells the
@@ -61,11 +67,13 @@ def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None =
         Noise across the surfaces; None is estimated.
     n_jobs : int or None
         Threads; the result does not depend on them.
+    factors : sequence of (str, float)
+        Settings of the search by name, each times a factor.
     """
     order, is_new = _by_place(points)
     distinct = order[is_new]
     given = None if sigma is None else sigma[distinct]
-    parts = _flat_parts(points[distinct], given, n_jobs)
+    parts = _flat_parts(points[distinct], given, n_jobs, factors)
     copy_of = np.empty(len(points), dtype=np.int64)
     copy_of[order] = np.cumsum(is_new) - 1
     return FlatParts(
@@ -73,7 +81,12 @@ def flat_parts(points: Floats, sigma: Floats | None = None, n_jobs: int | None =
     )
 
 
-def _flat_parts(points: Floats, sigma: Floats | None, n_jobs: int | None) -> FlatParts:
+def _flat_parts(
+    points: Floats,
+    sigma: Floats | None,
+    n_jobs: int | None,
+    factors: Sequence[tuple[str, float]],
+) -> FlatParts:
     """The same for points without copies, sorted by their coordinates."""
     rows = np.arange(len(points))
     if len(points) < _FEWEST:
@@ -82,7 +95,7 @@ def _flat_parts(points: Floats, sigma: Floats | None, n_jobs: int | None) -> Fla
     middle = np.array([np.median(column) for column in points.T])
     tree = _primfit.PointTree(points - middle, n_jobs)
     given = None if sigma is None else np.ascontiguousarray(sigma[tree.order()])
-    sorted_labels, sorted_noise, n_neighbors, stride = tree.segment(given, n_jobs)
+    sorted_labels, sorted_noise, n_neighbors, stride = tree.segment(given, n_jobs, factors)
     order = tree.order()
     labels, noise = np.empty_like(sorted_labels), np.empty_like(sorted_noise)
     labels[order], noise[order] = sorted_labels, sorted_noise

@@ -40,7 +40,7 @@ pub use outlines::{Outline, Place, laid_out, outlines, thinned};
 pub use parts::{PartPlane, Wanted, fit_parts};
 pub use rays::{Gate, Hits, RayCaster, Readings, Transform, turned};
 pub use scoring::{Score, score_planes};
-pub use segmentation::{Segmentation, segment};
+pub use segmentation::{Segmentation, SegmentationSettings, segment};
 pub use workers::Workers;
 
 /// A point or a direction: x, y, z.

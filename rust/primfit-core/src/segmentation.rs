@@ -12,6 +12,7 @@ mod pieces;
 mod regions;
 mod roughness;
 mod rows;
+mod settings;
 mod splitting;
 mod strips;
 
@@ -28,25 +29,9 @@ use noise::{common_noise, spread_noise, without_steps};
 use pieces::pieces;
 use regions::compete;
 use roughness::Surfaces;
+pub use settings::Settings as SegmentationSettings;
 use splitting::split;
 use strips::join_strips;
-
-/// Points of which each gets a local plane; of more, every second, third ... up to 32nd does.
-const MOST_LOCAL: usize = 32_768;
-const MOST_STEP: usize = 32;
-/// Least and most nearest neighbours that a point touches: half of what shows a plane.
-const NEAREST: (usize, usize) = (10, 64);
-/// Neighbours that are looked at for those that bridge gaps, fewer in clouds that are large.
-const LOOKED_AT: (usize, usize) = (32, 96);
-const LARGE: usize = 500_000;
-/// Rounds of competition, splitting and merging, which end once no plane gains or loses more than
-/// one in so many of its points, and sweeps of competition that begin them.
-const ROUNDS: usize = 4;
-const SETTLED: usize = 100;
-const SWEEPS: usize = 2;
-/// Times that patches of curved surfaces are looked for: those around which others were found have
-/// no planes beside them any more.
-const PASSES: usize = 2;
 
 /// Bytes of a point that the search takes at most, where each touches as many others as it may.
 const BYTES: usize = 640;
@@ -71,6 +56,7 @@ pub struct Segmentation {
 pub fn segment(
     tree: &PointTree,
     sigma: Option<&[f64]>,
+    settings: &SegmentationSettings,
     workers: &Workers,
 ) -> Result<Segmentation, Error> {
     workers.room(BYTES * tree.points().len())?;
@@ -86,55 +72,64 @@ pub fn segment(
             surfaces: Surfaces::Smooth,
         });
     }
-    let stride = rows::stride(tree);
+    let stride = rows::stride(tree, &settings.rows);
     if stride == 1 {
-        return segment_evenly(tree, sigma, workers);
+        return segment_evenly(tree, sigma, settings, workers);
     }
     let points: Vec<Vector> = tree.points().iter().copied().step_by(stride).collect();
     let some = PointTree::new(&points);
     let own = |sigma: &[f64]| some.rows().iter().map(|&row| sigma[row as usize * stride]).collect();
     let own_sigma: Option<Vec<f64>> = sigma.map(own);
-    let found = segment_evenly(&some, own_sigma.as_deref(), workers)?;
-    rows::told(tree, sigma, &some, &Segmentation { stride, ..found }, workers)
+    let found = segment_evenly(&some, own_sigma.as_deref(), settings, workers)?;
+    rows::told(tree, sigma, &some, &Segmentation { stride, ..found }, settings, workers)
 }
 
 /// The same for at least `FEWEST` points about as dense in all directions along the surface.
 fn segment_evenly(
     tree: &PointTree,
     sigma: Option<&[f64]>,
+    settings: &SegmentationSettings,
     workers: &Workers,
 ) -> Result<Segmentation, Error> {
     let points = tree.points();
-    let step = points.len().div_ceil(MOST_LOCAL).min(MOST_STEP);
+    let step = points.len().div_ceil(settings.course.most_local).min(settings.course.most_step);
     let mut local = tree.local_planes(sigma, step, workers)?;
-    let n_nearest = (median_size(&local) / 2).clamp(NEAREST.0, NEAREST.1);
-    let n_looked_at = if points.len() < LARGE { LOOKED_AT.1 } else { LOOKED_AT.0 };
+    let n_nearest =
+        (median_size(&local) / 2).clamp(settings.course.nearest.0, settings.course.nearest.1);
+    let n_looked_at = if points.len() < settings.course.large {
+        settings.course.looked_at.1
+    } else {
+        settings.course.looked_at.0
+    };
     let graph = Graph::new(tree, n_nearest, n_looked_at, workers)?;
     let (noise, surfaces): (Vec<f32>, _) = if let Some(sigma) = sigma {
         (sigma.iter().map(|&sigma| sigma as f32).collect(), Surfaces::Smooth)
     } else {
-        let is_stepped = without_steps(tree, &mut local, step);
+        let is_stepped = without_steps(tree, &mut local, step, &settings.noise);
         let noise = spread_noise(&graph, &local, step, points.len(), workers)?;
         tree.thin_planes(&mut local, &noise, step, workers)?;
-        let surfaces =
-            if is_stepped { Surfaces::Rough } else { Surfaces::of(tree, &local, step, workers)? };
-        let common = common_noise(&local).filter(|_| surfaces == Surfaces::Smooth);
+        let surfaces = if is_stepped {
+            Surfaces::Rough
+        } else {
+            Surfaces::of(tree, &local, step, &settings.roughness, workers)?
+        };
+        let common = common_noise(&local, &settings.noise).filter(|_| surfaces == Surfaces::Smooth);
         (common.map_or(noise, |sigma| vec![sigma as f32; points.len()]), surfaces)
     };
     let seeds = seeds(tree, &local, step, &noise);
-    let context = &Context { tree, graph: &graph, noise: &noise, surfaces };
+    let context = &Context { tree, graph: &graph, noise: &noise, surfaces, settings };
     let mut labels = grow(context, &local, step, &seeds, workers)?;
     let swept = |labels: Vec<i32>| {
-        (0..SWEEPS).try_fold(labels, |labels, _| compete(context, &labels, workers))
+        (0..settings.course.sweeps).try_fold(labels, |labels, _| compete(context, &labels, workers))
     };
     let mut before = sizes(&labels);
-    for _ in 0..ROUNDS {
+    for _ in 0..settings.course.rounds {
         labels = swept(labels)?;
         labels = split(context, &labels, workers);
         labels = compete(context, &labels, workers)?;
         labels = merge(context, &labels, workers);
         let after = sizes(&labels);
-        if have_settled(&before, &after) {
+        if have_settled(&before, &after, settings.course.settled) {
             break;
         }
         before = after;
@@ -144,7 +139,7 @@ fn segment_evenly(
     labels = pieces(context, &labels);
     labels = join_strips(context, &labels, workers)?;
     labels = accept_parts(context, &labels, workers)?;
-    for _ in 0..PASSES {
+    for _ in 0..settings.course.passes {
         labels = without_patches(context, &labels, workers)?;
     }
     let known =
@@ -165,9 +160,9 @@ fn sizes(labels: &[i32]) -> Vec<usize> {
     sizes
 }
 
-/// Whether planes keep their points, by how many they had and have.
-fn have_settled(before: &[usize], after: &[usize]) -> bool {
-    let keeps = |(&a, &b): (&usize, &usize)| SETTLED * a.abs_diff(b) <= a.max(b);
+/// Whether planes keep all but one in so many of their points, by how many they had and have.
+fn have_settled(before: &[usize], after: &[usize], share: usize) -> bool {
+    let keeps = |(&a, &b): (&usize, &usize)| share * a.abs_diff(b) <= a.max(b);
     before.len() == after.len() && before.iter().zip(after).all(keeps)
 }
 
@@ -203,9 +198,9 @@ mod tests {
     fn planes_settle_when_each_keeps_its_points() {
         let before = sizes(&[vec![0; 200], vec![NOBODY; 9], vec![1; 50]].concat());
         assert_eq!(before, [200, 50]);
-        assert!(have_settled(&before, &[202, 50]));
+        assert!(have_settled(&before, &[202, 50], 100));
         for after in [&[203, 50][..], &[200, 49], &[200, 0], &[200], &[200, 50, 1]] {
-            assert!(!have_settled(&before, after), "{after:?}");
+            assert!(!have_settled(&before, after, 100), "{after:?}");
         }
     }
 }

@@ -2,7 +2,9 @@
 
 #![allow(clippy::unwrap_used)]
 
-use primfit_core::{PointTree, RayCaster, Vector, Workers, dbscan, segment, turned};
+use primfit_core::{
+    PointTree, RayCaster, SegmentationSettings, Vector, Workers, dbscan, segment, turned,
+};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -77,10 +79,11 @@ fn of_clouds() {
     peak_of("neighbors 16", |w| tree.neighbors(&points, 16, w).unwrap());
     peak_of("normals 16", |w| tree.normals(16, w).unwrap());
     peak_of("local", |w| tree.local_planes(None, 1, w).unwrap());
-    peak_of("segment", |w| segment(&tree, None, w).unwrap());
+    let settings = SegmentationSettings::default();
+    peak_of("segment", |w| segment(&tree, None, &settings, w).unwrap());
     let sheet: Vec<Vector> = points.iter().map(|p| [p[0], p[1], p[2] * 1e-3]).collect();
     let flat = PointTree::new(&sheet);
-    peak_of("segment flat", |w| segment(&flat, None, w).unwrap());
+    peak_of("segment flat", |w| segment(&flat, None, &settings, w).unwrap());
     for eps in [1e-3, 0.03, 0.1, 0.3] {
         peak_of(&format!("dbscan {eps}"), |w| dbscan(&points, eps, 10, w).unwrap());
     }

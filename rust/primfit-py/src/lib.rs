@@ -37,7 +37,7 @@ mod _primfit {
     #[pymodule_export]
     use crate::lines::LevelLines;
     #[pymodule_export]
-    use crate::neighbors::PointTree;
+    use crate::neighbors::{PointTree, segmentation_settings};
     #[pymodule_export]
     use crate::outlines::{laid_out, outlines, thinned};
     #[pymodule_export]

@@ -3,7 +3,7 @@
 use crate::arrays::{rows, same_length};
 use crate::door;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
-use primfit_core::LocalPlane;
+use primfit_core::{LocalPlane, SegmentationSettings};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -104,21 +104,36 @@ impl PointTree {
     }
 
     /// The plane of each point in the order of the tree, -1 for none; the noise around each; the
-    /// number of nearest points that a point touches; one in how many points was enough.
-    #[pyo3(signature = (sigma=None, n_jobs=None))]
+    /// number of nearest points that a point touches; one in how many points was enough. Settings
+    /// by name times a factor, for those who ask what they are good for.
+    #[pyo3(signature = (sigma=None, n_jobs=None, factors=Vec::new()))]
     fn segment<'py>(
         &self,
         py: Python<'py>,
         sigma: Option<PyReadonlyArray1<f64>>,
         n_jobs: Option<usize>,
+        factors: Vec<(String, f64)>,
     ) -> PyResult<Segments<'py>> {
         let sigma = sigma.as_ref().map(|sigma| sigma.as_slice()).transpose()?;
         if let Some(sigma) = sigma {
             same_length("sigma", sigma.len(), "points", self.0.points().len())?;
         }
-        let found =
-            door::enter(py, n_jobs, |workers| primfit_core::segment(&self.0, sigma, workers))?;
+        let mut settings = SegmentationSettings::default();
+        for (name, factor) in &factors {
+            settings = settings
+                .scaled(name, *factor)
+                .ok_or_else(|| PyValueError::new_err(format!("no setting is called {name:?}")))?;
+        }
+        let found = door::enter(py, n_jobs, |workers| {
+            primfit_core::segment(&self.0, sigma, &settings, workers)
+        })?;
         let labels: Vec<i64> = found.labels.into_iter().map(i64::from).collect();
         Ok((labels.into_pyarray(py), found.sigma.into_pyarray(py), found.n_nearest, found.stride))
     }
+}
+
+/// Names and numbers of what the search for planes goes by.
+#[pyfunction]
+pub fn segmentation_settings() -> Vec<(&'static str, Vec<f64>)> {
+    SegmentationSettings::default().numbers()
 }

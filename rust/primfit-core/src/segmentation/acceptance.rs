@@ -5,61 +5,11 @@ use super::curvature::{Bend, Heights};
 use super::growth::{FEWEST, NOBODY};
 use super::regions::{self, Members};
 use super::roughness::Surfaces;
+use super::settings::Accepting;
 use crate::neighbors::normals::FLOOR;
 use crate::neighbors::{Neighbor, Search};
 use crate::spread::{Moments, Spread};
 use crate::{Error, Vector, Workers};
-
-/// Least share of the labelled neighbours among the neighbours with this label or none.
-const PURITY: f64 = 0.5;
-/// Least logarithm of the likelihood ratio of a plane to scattered points: planes of 25 roofs have
-/// 28 and more, clutter mostly less.
-const EVIDENCE: f64 = 14.0;
-/// Points of a plane that tells how thick planes of the cloud are, and its second smallest over
-/// its smallest variance.
-const TELLING: f64 = 24.0;
-const CLEAR: f64 = 36.0;
-/// Least standard deviation of the logarithm of the thickness of planes of one cloud: noise depends
-/// on range, incidence and surface; planes of the shared clouds have 0.65 to 1.53 times the usual.
-const ALIKE: f64 = 0.2;
-/// Share of their deviation that thin planes count with: where beams graze, noise along them is
-/// less across.
-const GRAZED: f64 = 0.5;
-/// How much thicker than the noise around its points a plane is that must be clearly flat.
-const SLAB: f64 = 1.5;
-/// Standard deviation of a plane on rough surfaces, as a share of its points' noise, below which it
-/// is no plane but one row of the scan, whose beams spread in a plane of their own.
-const THINNEST: f64 = 1.0 / 3.0;
-/// Points of a plane around which it is compared with scattered ones.
-const SAMPLES: usize = 16;
-/// How much denser the points must lie on the plane than on its denser side: 8 times in a Gaussian
-/// layer, as dense in a filled volume, even at its faces.
-const PEAK: f64 = 1.5;
-/// The same without the points of other planes: clutter on either side is scattered.
-const ALONE: f64 = 3.0;
-const SIDE: (f64, f64) = (1.5, 3.0);
-/// Largest share of a plane's own points among those around it, since more is not known.
-const MOST_SHARE: f64 = 0.99;
-/// Least density of scattered points at the rim of a ball, as a share of that in its middle.
-const LEAST_DENSITY: f64 = 0.01;
-/// Standard deviations within which scattered points are looked for, and within which the profile
-/// of a plane is.
-const FAR: f64 = 10.0;
-const CLOSE: f64 = 4.0;
-/// Share of the squares that bending must explain where errors of neighbours are alike: there it
-/// always explains something (0.24 on a true board before a sensor of 16 layers), and by any number
-/// of standard errors.
-const EXPLAINED: f64 = 0.25;
-/// Variance of means over neighbourhoods, in that of as many independent points, below which noise
-/// is white.
-const WHITE: f64 = 2.0;
-/// Least share of the points of a plane that bends only with those of others.
-const MOSTLY: f64 = 0.75;
-/// How much less its own points turn.
-const STRAIGHTER: f64 = 0.6;
-/// Second smallest over smallest variance of a plane, more when it is of few points.
-const FLAT: (f64, f64) = (2.0, 6.0);
-const FLAT_BY_CHANCE: f64 = 288.0;
 
 /// Labels of the connected parts that are planes, numbered by falling size, and nothing else.
 ///
@@ -78,18 +28,18 @@ pub fn accept_parts(
     labels: &[i32],
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
-    let surfaces = context.surfaces;
+    let &Context { surfaces, settings, .. } = context;
     let regions = context.fit(labels, workers);
     let planes: Vec<(Spread, f64)> = regions
         .iter()
         .map(|region| {
             let spread = region.spread();
-            (spread, region.sigma(&spread, surfaces))
+            (spread, region.sigma(&spread, surfaces, settings))
         })
         .collect();
     let members = Members::of(labels);
-    let usual = Usual::of(&planes, &members);
-    let thinnest = if surfaces == Surfaces::Rough { THINNEST } else { 0.0 };
+    let usual = Usual::of(&planes, &members, &settings.acceptance);
+    let thinnest = if surfaces == Surfaces::Rough { settings.acceptance.thinnest } else { 0.0 };
     let test = Test { context, labels, regions: &regions, planes: &planes, thinnest, usual };
     let mut accepted = vec![false; planes.len()];
     workers.fill(&mut accepted, 1, Search::default, |search, k, accepted| {
@@ -118,21 +68,23 @@ struct Test<'a> {
 
 impl Test<'_> {
     fn passes(&self, number: usize, places: &[u32], search: &mut Search) -> bool {
+        let settings = self.context.settings;
         let (spread, sigma) = &self.planes[number];
         let [thin, middle, long] = spread.variances;
         let flatness = middle / thin.max(FLOOR * FLOOR * long);
         // What is no wider than the noise of most planes is not told from a row of the scan.
         let flatness = flatness.min(middle / self.usual.sigma().powi(2));
-        let least = (FLAT_BY_CHANCE / places.len() as f64).clamp(FLAT.0, FLAT.1);
+        let least = (settings.acceptance.flat_by_chance / places.len() as f64)
+            .clamp(settings.acceptance.flat.0, settings.acceptance.flat.1);
         // What is thicker than the noise around its points has to be a plane at first sight.
-        let is_slab = thin.sqrt() > SLAB * self.regions[number].local_sigma;
-        let least = if is_slab { CLEAR } else { least };
+        let is_slab = thin.sqrt() > settings.acceptance.slab * self.regions[number].local_sigma;
+        let least = if is_slab { settings.acceptance.clear } else { least };
         if places.len() < FEWEST || flatness <= least || thin.sqrt() < self.thinnest * sigma {
             return false;
         }
-        self.purity(number as i32, places) >= PURITY
+        self.purity(number as i32, places) >= settings.acceptance.purity
             && !self.is_bent(number, places)
-            && self.evidence(number, places, search) > EVIDENCE
+            && self.evidence(number, places, search) > settings.acceptance.evidence
     }
 
     fn purity(&self, label: i32, places: &[u32]) -> f64 {
@@ -150,11 +102,14 @@ impl Test<'_> {
     /// Whether the points bend, and not only by those that planes which they touch explain better:
     /// beyond an edge these lie near the plane, too, if they are few.
     fn is_bent(&self, number: usize, places: &[u32]) -> bool {
-        let points = self.context.points();
+        let (points, settings) = (self.context.points(), self.context.settings);
         let (spread, sigma) = &self.planes[number];
         let all = places.iter().map(|&place| &points[place as usize]);
-        let Some(bend) = Bend::of(all, spread).filter(Bend::is_clear) else { return false };
-        if bend.share <= EXPLAINED && !self.is_white(number, places) {
+        let Some(bend) = Bend::of(all, spread).filter(|bend| bend.is_clear(&settings.curvature))
+        else {
+            return false;
+        };
+        if bend.share <= settings.curvature.explained && !self.is_white(number, places) {
             return false;
         }
         let own = places.iter().filter(|&&place| {
@@ -162,11 +117,12 @@ impl Test<'_> {
                 >= self.density_of_others(number, place as usize)
         });
         let own: Vec<&Vector> = own.map(|&place| &points[place as usize]).collect();
-        if (own.len() as f64) < MOSTLY * places.len() as f64 {
+        if (own.len() as f64) < settings.curvature.mostly * places.len() as f64 {
             return true;
         }
         let spread = Moments::of(own.iter().copied(), own[0]).spread();
-        Bend::of(own.into_iter(), &spread).is_none_or(|own| own.turn > STRAIGHTER * bend.turn)
+        Bend::of(own.into_iter(), &spread)
+            .is_none_or(|own| own.turn > settings.curvature.straighter * bend.turn)
     }
 
     /// Whether distances from the paraboloid of a region's points are those of white noise: means
@@ -191,7 +147,7 @@ impl Test<'_> {
             of_means += sum * sum / count;
             of_points += off(place).powi(2);
         }
-        of_means < WHITE * of_points
+        of_means < self.context.settings.curvature.white * of_points
     }
 
     /// Logarithm of the likelihood ratio of points spread normally about the plane to points that
@@ -199,18 +155,18 @@ impl Test<'_> {
     ///
     /// Looked at are its own points and those of no plane, in balls around some of its own.
     fn evidence(&self, number: usize, places: &[u32], search: &mut Search) -> f64 {
-        let points = self.context.points();
+        let (points, settings) = (self.context.points(), self.context.settings);
         let (spread, sigma) = &self.planes[number];
-        let n_samples = SAMPLES.min(places.len());
+        let n_samples = settings.acceptance.samples.min(places.len());
         let mut densities = Vec::new();
         let mut n_own = 0.0;
-        let mut profile = Profile::default();
-        let mut alone = Profile::default();
+        let side = settings.acceptance.side;
+        let [mut profile, mut alone] = [(); 2].map(|()| Profile::new(side));
         for sample in 0..n_samples {
             let place = places[sample * places.len() / n_samples] as usize;
             let spacing = self.context.graph.reach(place, points);
-            let radius = spacing.max(FAR * sigma);
-            let close = spacing.max(CLOSE * sigma);
+            let radius = spacing.max(settings.acceptance.far * sigma);
+            let close = spacing.max(settings.acceptance.close * sigma);
             let around = self.context.tree.within(&points[place], radius, search);
             let middle = self.local_middle(number, around, close);
             for &Neighbor { place, squared, .. } in around {
@@ -222,7 +178,9 @@ impl Test<'_> {
                         alone.add((off - middle) / sigma);
                     }
                 }
-                let mut others = 0.75 * (1.0 - (off / radius).powi(2)).max(LEAST_DENSITY) / radius;
+                let mut others = 0.75
+                    * (1.0 - (off / radius).powi(2)).max(settings.acceptance.least_density)
+                    / radius;
                 if label == number as i32 {
                     n_own += 1.0;
                     others = others.max(self.density_of_others(number, place as usize));
@@ -232,14 +190,16 @@ impl Test<'_> {
                 densities.push(normal(off, *sigma) / others);
             }
         }
-        if !profile.has_peak(PEAK) || !alone.has_peak(ALONE) {
+        if !profile.has_peak(settings.acceptance.peak)
+            || !alone.has_peak(settings.acceptance.peak_alone)
+        {
             return f64::NEG_INFINITY;
         }
-        let share = (n_own / densities.len() as f64).min(MOST_SHARE);
+        let share = (n_own / densities.len() as f64).min(settings.acceptance.most_share);
         let ratio: f64 = densities.iter().map(|ratio| (share * ratio + 1.0 - share).ln()).sum();
         ratio / n_own * places.len() as f64
             - (12.0 * points.len() as f64).ln()
-            - self.usual.penalty(*sigma)
+            - self.usual.penalty(*sigma, settings.acceptance.grazed)
     }
 
     /// Where a plane's own points lie across it within so far, as far as their number tells (the
@@ -284,13 +244,13 @@ struct Usual {
 
 impl Usual {
     /// Of the planes that are clearly flat, by their points: robust, since clutter is among them.
-    fn of(planes: &[(Spread, f64)], members: &Members) -> Self {
+    fn of(planes: &[(Spread, f64)], members: &Members, settings: &Accepting) -> Self {
         let mut telling: Vec<(f64, f64)> = planes
             .iter()
             .enumerate()
             .map(|(k, plane)| (plane, members.get(k).len() as f64))
             .filter(|((spread, sigma), count)| {
-                *count >= TELLING && spread.variances[1] > CLEAR * sigma * sigma
+                *count >= settings.telling && spread.variances[1] > settings.clear * sigma * sigma
             })
             .map(|((_, sigma), count)| (sigma.ln(), count))
             .collect();
@@ -300,7 +260,7 @@ impl Usual {
         let middle = weighted_median(&mut telling);
         let mut off: Vec<(f64, f64)> =
             telling.iter().map(|(log, weight)| ((log - middle).abs(), *weight)).collect();
-        Self { log: Some((middle, (1.4826 * weighted_median(&mut off)).max(ALIKE))) }
+        Self { log: Some((middle, (1.4826 * weighted_median(&mut off)).max(settings.alike))) }
     }
 
     /// Standard deviation of most planes; 0 when it is not known.
@@ -309,10 +269,10 @@ impl Usual {
     }
 
     /// Minus the logarithm of how probable a plane so thick is beside the others.
-    fn penalty(&self, sigma: f64) -> f64 {
+    fn penalty(&self, sigma: f64, grazed: f64) -> f64 {
         self.log.map_or(0.0, |(middle, spread)| {
             let off = (sigma.ln() - middle) / spread;
-            let off = if off < 0.0 { GRAZED * off } else { off };
+            let off = if off < 0.0 { grazed * off } else { off };
             off * off / 2.0
         })
     }
@@ -338,23 +298,28 @@ fn normal(off: f64, sigma: f64) -> f64 {
 }
 
 /// How many points lie on a plane, and on either side.
-#[derive(Default)]
 struct Profile {
+    /// Standard deviations at which the sides begin and end.
+    side: (f64, f64),
     core: f64,
     sides: [f64; 2],
 }
 
 impl Profile {
+    fn new(side: (f64, f64)) -> Self {
+        Self { side, core: 0.0, sides: [0.0; 2] }
+    }
+
     /// A point so many standard deviations off.
     fn add(&mut self, off: f64) {
         if off.abs() <= 1.0 {
             self.core += 1.0;
-        } else if off.abs() > SIDE.0 && off.abs() <= SIDE.1 {
+        } else if off.abs() > self.side.0 && off.abs() <= self.side.1 {
             self.sides[usize::from(off > 0.0)] += 1.0;
         }
     }
 
     fn has_peak(&self, times: f64) -> bool {
-        self.core / 2.0 > times * self.sides[0].max(self.sides[1]) / (SIDE.1 - SIDE.0)
+        self.core / 2.0 > times * self.sides[0].max(self.sides[1]) / (self.side.1 - self.side.0)
     }
 }

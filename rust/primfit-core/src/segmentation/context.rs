@@ -3,6 +3,7 @@
 use super::graph::Graph;
 use super::regions::{self, Region};
 use super::roughness::Surfaces;
+use super::settings::Settings;
 use crate::neighbors::PointTree;
 use crate::{Vector, Workers};
 
@@ -14,6 +15,7 @@ pub struct Context<'a> {
     /// Standard deviation of the noise of each point, NaN where nothing tells it.
     pub noise: &'a [f32],
     pub surfaces: Surfaces,
+    pub settings: &'a Settings,
 }
 
 impl<'a> Context<'a> {

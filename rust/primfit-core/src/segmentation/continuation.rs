@@ -3,18 +3,10 @@
 use super::context::Context;
 use super::curvature::{Bend, Heights};
 use super::growth::NOBODY;
-use super::regions::{Members, REACH, Region};
+use super::regions::{Members, Region};
 use crate::spread::Spread;
-use crate::{Error, Vector, Workers};
+use crate::{Error, Workers};
 use std::collections::HashSet;
-
-/// Standard deviations from a curved surface within which its points lie.
-const ON: f64 = 3.0;
-/// Growth of the number of points after which the surface is judged again, and most growth.
-const GROWTH: f64 = 2.0;
-const MOST: f64 = 8.0;
-/// Steps from point to point beyond the border.
-const STEPS: usize = 32;
 
 /// The labels of planes without those that are patches of curved surfaces, in the same order.
 ///
@@ -34,7 +26,7 @@ pub fn without_patches(
         1,
         || (),
         |(), k, is_patch| {
-            let sigma = regions[k].sigma(&planes[k], context.surfaces);
+            let sigma = regions[k].sigma(&planes[k], context.surfaces, context.settings);
             let bend = continued(context, labels, members.get(k), &planes, sigma);
             is_patch[0] = bend.is_some();
         },
@@ -61,23 +53,24 @@ fn continued(
     planes: &[Spread],
     sigma: f64,
 ) -> Option<Bend> {
-    let (points, graph) = (context.points(), context.graph);
+    let (points, graph, settings) = (context.points(), context.graph, context.settings);
     let own = labels[places[0] as usize];
     let mut heights = Heights::over(&planes[own as usize]);
     for &place in places {
         heights.add(&points[place as usize]);
     }
     let n_own = heights.count();
-    let mut enough = GROWTH * n_own;
+    let mut enough = settings.curvature.growth * n_own;
     let mut seen = HashSet::new();
     let mut all = places.to_vec();
     let mut rim = 0..all.len();
-    for _ in 0..STEPS {
+    for _ in 0..settings.curvature.steps {
         let surface = heights.paraboloid()?;
         for at in rim.clone() {
             for &other in graph.of(all[at] as usize) {
                 if labels[other as usize] != own
-                    && heights.above(&surface, &points[other as usize]).abs() <= ON * sigma
+                    && heights.above(&surface, &points[other as usize]).abs()
+                        <= settings.curvature.on * sigma
                     && seen.insert(other)
                 {
                     all.push(other);
@@ -92,12 +85,12 @@ fn continued(
             heights.add(&points[place as usize]);
         }
         if heights.count() >= enough {
-            let bend = heights.bend().filter(Bend::is_clear);
-            if bend.is_some_and(|_| is_better(points, labels, &all, planes, sigma, &heights)) {
+            let bend = heights.bend().filter(|bend| bend.is_clear(&settings.curvature));
+            if bend.is_some_and(|_| is_better(context, labels, &all, planes, sigma, &heights)) {
                 return bend;
             }
-            enough = GROWTH * heights.count();
-            if enough > MOST * n_own {
+            enough = settings.curvature.growth * heights.count();
+            if enough > settings.curvature.most_growth * n_own {
                 return None;
             }
         }
@@ -108,7 +101,7 @@ fn continued(
 /// Whether a paraboloid explains points as well as their planes do, by the Bayesian information
 /// criterion. Points of no plane are those of the first, or farther off than any has.
 fn is_better(
-    points: &[Vector],
+    context: &Context,
     labels: &[i32],
     places: &[u32],
     planes: &[Spread],
@@ -116,14 +109,15 @@ fn is_better(
     heights: &Heights,
 ) -> bool {
     let Some(surface) = heights.paraboloid() else { return false };
+    let reach = context.settings.competition.reach;
     let first = labels[places[0] as usize];
     let mut used = HashSet::new();
     let (mut flat, mut curved) = (0.0, 0.0);
     for &place in places {
-        let point = &points[place as usize];
+        let point = &context.points()[place as usize];
         let label = if labels[place as usize] == NOBODY { first } else { labels[place as usize] };
         used.insert(label);
-        flat += (planes[label as usize].distance(point) / sigma).powi(2).min(REACH * REACH);
+        flat += (planes[label as usize].distance(point) / sigma).powi(2).min(reach * reach);
         curved += (heights.above(&surface, point) / sigma).powi(2);
     }
     let price = (places.len() as f64).ln();
@@ -134,7 +128,9 @@ fn is_better(
 mod tests {
     #![allow(clippy::unwrap_used)]
 
+    use super::super::settings::Settings;
     use super::*;
+    use crate::Vector;
     use crate::neighbors::PointTree;
     use crate::segmentation::graph::Graph;
     use crate::segmentation::roughness::Surfaces;
@@ -161,7 +157,13 @@ mod tests {
         let labels: Vec<i32> = tree.points().iter().map(label).collect();
         let noise = vec![NOISE as f32; points.len()];
         let (tree, graph, noise) = (&tree, &graph, &noise[..]);
-        let context = Context { tree, graph, noise, surfaces: Surfaces::Smooth };
+        let context = Context {
+            tree,
+            graph,
+            noise,
+            surfaces: Surfaces::Smooth,
+            settings: &Settings::default(),
+        };
         let left = without_patches(&context, &labels, &workers);
         tree.points().iter().copied().zip(left.unwrap()).collect()
     }

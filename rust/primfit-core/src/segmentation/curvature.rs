@@ -1,13 +1,9 @@
 //! Whether points near a plane lie on a curved surface.
 
+use super::settings::Curving;
 use crate::Vector;
 use crate::spread::{Spread, axes_across, dot};
 use nalgebra::{SMatrix, SVector};
-
-/// Turn of the normal from side to side, radians, from which points are on a curved surface, if
-/// with this evidence.
-const BENT: f64 = 0.2;
-const CURVED: f64 = 16.0;
 
 /// How much a surface bends.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,8 +27,8 @@ impl Bend {
     }
 
     /// Whether the points lie on a curved surface, if their noise is white.
-    pub fn is_clear(&self) -> bool {
-        self.turn > BENT && self.evidence > CURVED
+    pub(super) fn is_clear(&self, settings: &Curving) -> bool {
+        self.turn > settings.turn && self.evidence > settings.evidence
     }
 }
 
@@ -142,7 +138,7 @@ mod tests {
             let bend = Bend::of(points.iter(), &spread).unwrap();
             // The deviation of 21 even steps over a width of 2 stands for a width of 2.1.
             assert!((bend.turn - 0.1 * 2.1).abs() < 0.005, "{bend:?}");
-            assert!(bend.is_clear());
+            assert!(bend.is_clear(&Curving::default()));
         }
     }
 

@@ -9,23 +9,6 @@ use std::collections::VecDeque;
 
 /// Label of a point without a plane.
 pub const NOBODY: i32 = -1;
-/// Standard deviations within which a plane takes a point.
-const TAKE: f64 = 3.0;
-/// Cosine of the angle to a plane beyond which the neighbourhood of a point lies on another one.
-const ALONG: f64 = 0.9;
-/// Standard deviations within which a plane explains a point.
-const EXPLAIN: f64 = 2.0;
-/// Standard deviations from its own plane at which a point is no seed.
-const SEED: f64 = 2.5;
-/// Share of a seed's neighbourhood that must lie on its plane, and share of those that must be new.
-const ON_PLANE: f64 = 0.4;
-const NEW: f64 = 0.3;
-/// Fits of a seed's plane, each to the points near the one before.
-const CUTS: usize = 4;
-/// Growth of the number of points after which the plane is fitted again.
-const REFIT: f64 = 1.5;
-/// How far the noise of a growing plane may move from its seed's.
-const SIGMA: (f64, f64) = (0.7, 1.3);
 /// Fewest points of a plane.
 pub const FEWEST: usize = 10;
 /// Seeds between two questions to the caller.
@@ -97,13 +80,14 @@ struct Growth<'a> {
 impl Growth<'_> {
     /// Whether no earlier plane explains a point.
     fn is_new(&self, place: u32) -> bool {
-        f64::from(self.off[place as usize]) >= EXPLAIN
+        f64::from(self.off[place as usize]) >= self.context.settings.growth.explain
     }
 
     /// The plane of a seed's neighbourhood, whose points become the members; None where it tells
     /// none, or earlier planes explain it.
     fn first_plane(&mut self, seed: Seed) -> Option<Spread> {
-        let (tree, at) = (self.context.tree, seed.place as usize);
+        let &Context { tree, settings, .. } = self.context;
+        let at = seed.place as usize;
         let points = tree.points();
         if !self.is_new(seed.place)
             && !self.context.graph.of(at).iter().any(|&other| self.is_new(other))
@@ -122,12 +106,19 @@ impl Growth<'_> {
             variances: [0.0; 3],
         });
         let n_all = window.len() as f64;
-        let plane = cut_plane(points, window, start, EXPLAIN * given, CUTS, &mut self.members);
+        let plane = cut_plane(
+            points,
+            window,
+            start,
+            settings.growth.explain * given,
+            settings.growth.cuts,
+            &mut self.members,
+        );
         let n_within = self.members.len() as f64;
         let n_new = self.members.iter().filter(|&&place| self.is_new(place)).count() as f64;
-        if plane.distance(&points[at]).abs() > SEED * given
-            || n_within < ON_PLANE * n_all
-            || n_new < NEW * n_within
+        if plane.distance(&points[at]).abs() > settings.growth.seed * given
+            || n_within < settings.growth.on_plane * n_all
+            || n_new < settings.growth.new * n_within
         {
             return None;
         }
@@ -137,7 +128,7 @@ impl Growth<'_> {
     /// Lets a plane take what touches its members and lies on it, step by step; the plane of all
     /// members then, and its standard deviation.
     fn spread_from(&mut self, seed: Seed, first: Spread, number: i32) -> (Spread, f64) {
-        let points = self.context.points();
+        let (points, settings) = (self.context.points(), self.context.settings);
         let given = f64::from(self.context.noise[seed.place as usize]);
         let (mut plane, mut sigma) = (first, given);
         let mut sums = Sums::new(points[seed.place as usize]);
@@ -149,15 +140,17 @@ impl Growth<'_> {
         }
         let fitted = |sums: &Sums| {
             let plane = sums.moments().spread();
-            let sigma = plane.variances[0].sqrt().clamp(SIGMA.0 * given, SIGMA.1 * given);
+            let sigma = plane.variances[0]
+                .sqrt()
+                .clamp(settings.growth.sigma.0 * given, settings.growth.sigma.1 * given);
             (plane, sigma)
         };
-        let mut refit_at = REFIT * self.members.len() as f64;
+        let mut refit_at = settings.growth.refit * self.members.len() as f64;
         while let Some(place) = self.queue.pop_front() {
             for &other in self.context.graph.of(place as usize) {
                 let at = other as usize;
                 if self.seen[at] == number
-                    || plane.distance(&points[at]).abs() >= TAKE * sigma
+                    || plane.distance(&points[at]).abs() >= settings.growth.take * sigma
                     || !self.is_along(&plane, at)
                 {
                     continue;
@@ -169,7 +162,7 @@ impl Growth<'_> {
             }
             if self.members.len() as f64 >= refit_at {
                 (plane, sigma) = fitted(&sums);
-                refit_at = REFIT * self.members.len() as f64;
+                refit_at = settings.growth.refit * self.members.len() as f64;
             }
         }
         fitted(&sums)
@@ -178,7 +171,8 @@ impl Growth<'_> {
     /// Whether the neighbourhood of a point, where it has one of its own, lies along a plane.
     fn is_along(&self, plane: &Spread, at: usize) -> bool {
         !at.is_multiple_of(self.step)
-            || dot(&self.local[at / self.step].normal, &plane.normal).abs() >= ALONG
+            || dot(&self.local[at / self.step].normal, &plane.normal).abs()
+                >= self.context.settings.growth.along
     }
 
     /// Gives a plane those of its members that lie on no other one as well.
@@ -186,7 +180,7 @@ impl Growth<'_> {
         for &place in &self.members {
             let at = place as usize;
             let distance = (plane.distance(&self.context.points()[at]).abs() / sigma) as f32;
-            if f64::from(distance) < TAKE && distance < self.off[at] {
+            if f64::from(distance) < self.context.settings.growth.take && distance < self.off[at] {
                 self.off[at] = distance;
                 self.labels[at] = number;
             }

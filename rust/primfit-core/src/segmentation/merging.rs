@@ -1,22 +1,14 @@
 //! Touching planes that are one: put together as long as the points allow it.
 
 use super::context::Context;
-use super::graph::Graph;
 use super::growth::NOBODY;
-use super::regions::{Region, SHARE};
+use super::regions::Region;
 use super::roughness::{Law, Surfaces};
+use super::settings::Settings;
 use crate::Workers;
 use crate::agglomeration::{Clusters, agglomerate};
 use crate::spread::Spread;
 use std::collections::BTreeMap;
-
-/// Squared distance, in variances, that each point of the smaller of two planes may move.
-const MOVE_SMOOTH: f64 = 0.25;
-const MOVE_ROUGH: f64 = 2.56;
-/// What a plane costs, in variances, times the logarithm of its points.
-const PLANE: f64 = 4.0;
-/// How much larger than the smaller variance of two planes the common one may be.
-const UNEQUAL: f64 = 4.0;
 
 /// New labels after putting touching regions together, best gain a point first.
 ///
@@ -24,20 +16,21 @@ const UNEQUAL: f64 = 4.0;
 /// smaller plane's freedom to move are worth.
 pub fn merge(context: &Context, labels: &[i32], workers: &Workers) -> Vec<i32> {
     let regions = context.fit(labels, workers);
-    let touching = touching(context.graph, labels, regions.len());
-    let mut planes = Planes { freedom: Freedom::of(context.surfaces, &regions), regions };
+    let touching = touching(context, labels, regions.len());
+    let freedom = Freedom::of(context.surfaces, &regions, context.settings);
+    let mut planes = Planes { freedom, regions };
     let into = agglomerate(&mut planes, touching);
     let of = |&label: &i32| if label == NOBODY { NOBODY } else { into[label as usize] as i32 };
     labels.iter().map(of).collect()
 }
 
 /// Regions that may be one plane.
-struct Planes {
-    freedom: Freedom,
+struct Planes<'a> {
+    freedom: Freedom<'a>,
     regions: Vec<Region>,
 }
 
-impl Clusters for Planes {
+impl Clusters for Planes<'_> {
     fn gain(&self, a: usize, b: usize, bonus: f64) -> Option<f64> {
         let gain = self.freedom.gain([&self.regions[a], &self.regions[b]], bonus);
         (gain > 0.0).then_some(gain)
@@ -50,29 +43,31 @@ impl Clusters for Planes {
 
 /// How far two planes may be from one.
 #[derive(Debug, Clone, Copy)]
-pub struct Freedom {
+pub struct Freedom<'a> {
+    settings: &'a Settings,
     surfaces: Surfaces,
     law: Law,
     squared_move: f64,
 }
 
-impl Freedom {
+impl<'a> Freedom<'a> {
     /// Of the planes of a cloud.
-    pub fn of(surfaces: Surfaces, regions: &[Region]) -> Self {
-        match surfaces {
-            Surfaces::Smooth => Self { surfaces, law: Law::WHITE, squared_move: MOVE_SMOOTH },
-            Surfaces::Rough => Self { surfaces, law: Law::of(regions), squared_move: MOVE_ROUGH },
-        }
+    pub fn of(surfaces: Surfaces, regions: &[Region], settings: &'a Settings) -> Self {
+        let (law, squared_move) = match surfaces {
+            Surfaces::Smooth => (Law::WHITE, settings.merging.move_smooth),
+            Surfaces::Rough => (Law::of(regions, &settings.roughness), settings.merging.move_rough),
+        };
+        Self { settings, surfaces, law, squared_move }
     }
 
     /// Variance about the plane of both of two parts.
     pub fn variance(&self, parts: [(&Region, &Spread); 2], both: &Spread) -> f64 {
         let extent = |spread: &Spread| spread.variances[1].sqrt();
         let [a, b] = parts.map(|(region, spread)| {
-            let sigma = region.sigma(spread, self.surfaces);
+            let sigma = region.sigma(spread, self.surfaces, self.settings);
             self.law.sigma(sigma, extent(spread), extent(both)).powi(2)
         });
-        a.max(b).min(UNEQUAL * a.min(b))
+        a.max(b).min(self.settings.merging.unequal * a.min(b))
     }
 
     /// What each point gains when two regions become one plane, in variances.
@@ -95,7 +90,8 @@ impl Freedom {
     /// How much the sum of squares may rise, in variances, when two parts of so many points become
     /// one plane.
     pub fn worth(&self, counts: [f64; 2]) -> f64 {
-        PLANE * (counts[0] + counts[1]).ln() + self.squared_move * counts[0].min(counts[1])
+        self.settings.merging.plane * (counts[0] + counts[1]).ln()
+            + self.squared_move * counts[0].min(counts[1])
     }
 }
 
@@ -111,11 +107,11 @@ fn joined(a: &Region, b: &Region) -> Region {
 
 /// For each region those that it touches, and by how much the logarithm of the shares of labels
 /// among neighbours grows when both are one: much where they interleave, little across an edge.
-fn touching(graph: &Graph, labels: &[i32], n: usize) -> Vec<BTreeMap<usize, f64>> {
+fn touching(context: &Context, labels: &[i32], n: usize) -> Vec<BTreeMap<usize, f64>> {
     let mut touching = vec![BTreeMap::new(); n];
     let mut counts: Vec<(i32, f64)> = Vec::new();
     for (i, &label) in labels.iter().enumerate().filter(|(_, label)| **label != NOBODY) {
-        let neighbors = graph.of(i);
+        let neighbors = context.graph.of(i);
         counts.clear();
         let mut own = 0.0;
         for &other in neighbors {
@@ -129,7 +125,7 @@ fn touching(graph: &Graph, labels: &[i32], n: usize) -> Vec<BTreeMap<usize, f64>
                 }
             }
         }
-        let least = SHARE * neighbors.len() as f64;
+        let least = context.settings.competition.share * neighbors.len() as f64;
         for &(other, count) in &counts {
             let bonus = ((own + count + least) / (own + least)).ln();
             *touching[label as usize].entry(other as usize).or_insert(0.0) += bonus;
@@ -143,6 +139,7 @@ fn touching(graph: &Graph, labels: &[i32], n: usize) -> Vec<BTreeMap<usize, f64>
 mod tests {
     #![allow(clippy::unwrap_used)]
 
+    use super::super::graph::Graph;
     use super::*;
     use crate::neighbors::PointTree;
     use crate::{Vector, Workers};
@@ -162,7 +159,13 @@ mod tests {
         let labels: Vec<i32> = tree.points().iter().map(|p| i32::from(p[0] > 0.3)).collect();
         let noise = vec![0.003; points.len()];
         let (tree, graph, noise) = (&tree, &graph, &noise[..]);
-        let context = Context { tree, graph, noise, surfaces: Surfaces::Smooth };
+        let context = Context {
+            tree,
+            graph,
+            noise,
+            surfaces: Surfaces::Smooth,
+            settings: &Settings::default(),
+        };
         let mut merged = merge(&context, &labels, &workers);
         merged.dedup();
         assert_eq!(merged.len(), 1);

@@ -1,27 +1,16 @@
 //! The noise around every point, from neighbourhoods that are flat.
 
 use super::graph::Graph;
+use super::settings::Noise;
 use crate::neighbors::normals::{LocalPlane, MOST as MOST_POINTS};
 use crate::neighbors::{PointTree, Search};
 use crate::spread::dot;
 use crate::{Error, Vector, Workers};
 
-/// Flat neighbourhoods that tell whether all points have one noise.
-const FEWEST: usize = 64;
-/// Flatness of what is a plane but for rounding.
-const EXACT: f64 = 1e8;
-/// Shares of flat neighbourhoods that are such planes where values come in steps: by chance none
-/// are, and more than half are where there is no noise at all.
-const STEPPED: (f64, f64) = (0.005, 0.5);
-/// Such neighbourhoods that are asked for others beside them.
-const MOST: usize = 1024;
 /// What rounding makes of the cosine between two that are parallel: the square of their angle.
 const ROUNDING: f64 = 1e-8;
 /// Parameters of a plane.
 const PARAMETERS: f64 = 3.0;
-/// Standard deviations of the logarithm of the noise, exceeded by one neighbourhood in ten, from
-/// which the noise differs: 1.64 if they did not overlap.
-const DIFFERENT: f64 = 2.3;
 
 /// Standard deviation of the noise of all points of the graph, of which every `step`-th has a
 /// local plane.
@@ -77,21 +66,26 @@ pub fn spread_noise(
 /// within one step, which are planes but for rounding, no longer pass as flat: they tell nothing.
 ///
 /// Beside a step is the next one, parallel to it; a plane without noise has none.
-pub fn without_steps(tree: &PointTree, local: &mut [LocalPlane], step: usize) -> bool {
+pub fn without_steps(
+    tree: &PointTree,
+    local: &mut [LocalPlane],
+    step: usize,
+    settings: &Noise,
+) -> bool {
     let n_flat = local.iter().filter(|plane| plane.is_flat).count() as f64;
-    let is_exact = |plane: &LocalPlane| plane.is_flat && plane.flatness > EXACT;
+    let is_exact = |plane: &LocalPlane| plane.is_flat && plane.flatness > settings.exact;
     let exact: Vec<usize> = (0..local.len()).filter(|&k| is_exact(&local[k])).collect();
     let share = exact.len() as f64 / n_flat;
-    if !(share > STEPPED.0 && share < STEPPED.1) {
+    if !(share > settings.stepped.0 && share < settings.stepped.1) {
         return false;
     }
     let mut search = Search::default();
-    let n_asked = exact.len().min(MOST);
+    let n_asked = exact.len().min(settings.asked);
     let n_beside = (0..n_asked)
         .map(|k| exact[k * exact.len() / n_asked])
-        .filter(|&k| is_beside_another(tree, local, step, k, &mut search))
+        .filter(|&k| is_beside_another(tree, local, step, k, settings.exact, &mut search))
         .count();
-    let is_stepped = share * n_beside as f64 / n_asked as f64 > STEPPED.0;
+    let is_stepped = share * n_beside as f64 / n_asked as f64 > settings.stepped.0;
     if is_stepped {
         for k in exact {
             local[k].is_flat = false;
@@ -106,6 +100,7 @@ fn is_beside_another(
     local: &[LocalPlane],
     step: usize,
     k: usize,
+    exact: f64,
     search: &mut Search,
 ) -> bool {
     let (points, own) = (tree.points(), &local[k]);
@@ -117,7 +112,7 @@ fn is_beside_another(
         let off = dot(&own.normal, &away).abs();
         place.is_multiple_of(step)
             && other.is_flat
-            && other.flatness > EXACT
+            && other.flatness > exact
             && 1.0 - dot(&own.normal, &other.normal).abs() < ROUNDING
             && off > ROUNDING.sqrt() * near.squared.sqrt()
     })
@@ -128,9 +123,9 @@ fn is_beside_another(
 ///
 /// The logarithm of a deviation from n points deviates by 1 / sqrt(2 n): of nine in ten, hardly more
 /// than that, though the neighbourhoods overlap and were chosen to be flat.
-pub fn common_noise(local: &[LocalPlane]) -> Option<f64> {
+pub fn common_noise(local: &[LocalPlane], settings: &Noise) -> Option<f64> {
     let flat: Vec<&LocalPlane> = local.iter().filter(|plane| plane.is_flat).collect();
-    if flat.len() < FEWEST {
+    if flat.len() < settings.fewest {
         return None;
     }
     let mut sigmas: Vec<f64> = flat.iter().map(|plane| plane.sigma).collect();
@@ -141,7 +136,7 @@ pub fn common_noise(local: &[LocalPlane]) -> Option<f64> {
     };
     let mut off: Vec<f64> = flat.iter().map(off).collect();
     let (_, &mut most, _) = off.select_nth_unstable_by(9 * flat.len() / 10, f64::total_cmp);
-    (most < DIFFERENT).then_some(median)
+    (most < settings.different).then_some(median)
 }
 
 /// Mean of what is known, NaN when nothing is.
@@ -168,22 +163,26 @@ mod tests {
 
     #[test]
     fn noise_that_differs_by_chance_is_one() {
-        let common = common_noise(&flat(500, |_| 0.02));
+        let common = common_noise(&flat(500, |_| 0.02), &Noise::default());
         assert!(common.is_some_and(|sigma| (sigma / 0.02 - 1.0).abs() < 0.05));
     }
 
     #[test]
     fn noise_that_differs_is_not_one() {
-        assert_eq!(common_noise(&flat(500, |i| if i % 4 == 0 { 0.03 } else { 0.02 })), None);
+        assert_eq!(
+            common_noise(&flat(500, |i| if i % 4 == 0 { 0.03 } else { 0.02 }), &Noise::default()),
+            None
+        );
     }
 
     #[test]
     fn few_and_what_is_not_flat_tell_nothing() {
-        assert_eq!(common_noise(&flat(FEWEST as u32 - 1, |_| 0.02)), None);
+        let settings = Noise::default();
+        assert_eq!(common_noise(&flat(settings.fewest as u32 - 1, |_| 0.02), &settings), None);
         let bent: Vec<LocalPlane> = flat(500, |_| 0.02)
             .into_iter()
             .map(|plane| LocalPlane { is_flat: false, ..plane })
             .collect();
-        assert_eq!(common_noise(&bent), None);
+        assert_eq!(common_noise(&bent, &Noise::default()), None);
     }
 }

@@ -9,23 +9,13 @@ use crate::neighbors::squared_distance;
 use crate::spread::dot;
 use std::cmp::Ordering;
 
-/// How much longer an edge may be than is usual around it: from 2 to 3, panels, slats, cartons and
-/// recorded roofs come out alike; gaps of 6 spacings need less than 3.
-const LONGER: f64 = 2.5;
-/// Share of the points around one that have no longer edge than is usual: across a gap, those of
-/// more than half of the points on its rim may be.
-const USUAL: usize = 4;
-/// Relative neighbours of a point at most.
-const MOST: usize = 8;
-/// How much more points a gap must leave out than the logarithm of how many places it could be at:
-/// chance leaves out so many once in a thousand planes, `exp(-6.9)`.
-pub const CHANCE: f64 = 6.9;
-
 /// The labels with each piece its own; pieces too small for a plane stay with the largest one that
 /// they touch.
 pub fn pieces(context: &Context, labels: &[i32]) -> Vec<i32> {
-    let (points, graph) = (context.points(), context.graph);
-    let longest: Vec<f64> = (0..labels.len()).map(|i| longest(points, graph, labels, i)).collect();
+    let &Context { graph, settings, .. } = context;
+    let points = context.points();
+    let longest: Vec<f64> =
+        (0..labels.len()).map(|i| longest(points, graph, labels, i, settings.gaps.most)).collect();
     let mut near = Vec::new();
     let usual: Vec<f64> = (0..labels.len())
         .map(|i| {
@@ -36,16 +26,16 @@ pub fn pieces(context: &Context, labels: &[i32]) -> Vec<i32> {
             near.push(longest[i]);
             let own = graph.of(i).iter().map(|&other| other as usize);
             near.extend(own.filter(|&other| labels[other] == labels[i]).map(|at| longest[at]));
-            let rank = near.len() / USUAL;
+            let rank = near.len() / settings.gaps.usual;
             *near.select_nth_unstable_by(rank, f64::total_cmp).1
         })
         .collect();
-    let longer = LONGER.powi(2);
+    let longer = settings.gaps.longer.powi(2);
     let is_joined = |i: usize, other: usize| {
         squared_distance(&points[i], &points[other]) <= longer * usual[i].max(usual[other])
     };
     let parts = components_by(graph, labels, is_joined);
-    let parts = without_chance_gaps(points, graph, labels, &parts);
+    let parts = without_chance_gaps(context, labels, &parts);
     let members = Members::of(&parts);
     let mut result = parts.clone();
     for k in (0..members.len()).filter(|&k| (1..FEWEST).contains(&members.get(k).len())) {
@@ -66,12 +56,8 @@ pub fn pieces(context: &Context, labels: &[i32]) -> Vec<i32> {
 
 /// The parts of each label, put together where chance may have left the gap between them: a narrow
 /// strip is empty over some length more often than a wide one.
-fn without_chance_gaps(
-    points: &[Vector],
-    graph: &Graph,
-    labels: &[i32],
-    parts: &[i32],
-) -> Vec<i32> {
+fn without_chance_gaps(context: &Context, labels: &[i32], parts: &[i32]) -> Vec<i32> {
+    let (points, graph) = (context.points(), context.graph);
     let members = Members::of(parts);
     let mut bridges: Vec<([i32; 2], [u32; 2])> = Vec::new();
     for (i, &part) in parts.iter().enumerate().filter(|(_, part)| **part != NOBODY) {
@@ -88,7 +74,7 @@ fn without_chance_gaps(
     let mut first: Vec<usize> = (0..members.len()).collect();
     for bridges in bridges.chunk_by(|one, other| one.0 == other.0) {
         let pair = bridges[0].0.map(|part| members.get(part as usize));
-        if gap(points, graph, labels, bridges, pair).is_chance() {
+        if gap(points, graph, labels, bridges, pair).is_chance(context.settings.gaps.chance) {
             let [a, b] = bridges[0].0.map(|part| first[part as usize]);
             for end in first.iter_mut().filter(|end| **end == a.max(b)) {
                 *end = a.min(b);
@@ -109,8 +95,8 @@ pub struct Gap {
 
 impl Gap {
     /// Whether chance leaves it.
-    pub fn is_chance(&self) -> bool {
-        self.n_missing < (self.n_points as f64).ln() + CHANCE
+    pub fn is_chance(&self, chance: f64) -> bool {
+        self.n_missing < (self.n_points as f64).ln() + chance
     }
 }
 
@@ -178,11 +164,11 @@ fn unit(vector: &Vector) -> Vector {
 }
 
 /// Squared length of the longest edge from a point to its relative neighbours of the same label.
-fn longest(points: &[Vector], graph: &Graph, labels: &[i32], i: usize) -> f64 {
+fn longest(points: &[Vector], graph: &Graph, labels: &[i32], i: usize, most: usize) -> f64 {
     if labels[i] == NOBODY {
         return 0.0;
     }
-    let mut relative: Vec<u32> = Vec::with_capacity(MOST);
+    let mut relative: Vec<u32> = Vec::with_capacity(most);
     let mut longest = 0.0;
     for &other in graph.of(i).iter().filter(|&&other| labels[other as usize] == labels[i]) {
         let away = squared_distance(&points[i], &points[other as usize]);
@@ -191,7 +177,7 @@ fn longest(points: &[Vector], graph: &Graph, labels: &[i32], i: usize) -> f64 {
         if !relative.iter().any(hides) {
             relative.push(other);
             longest = away;
-            if relative.len() == MOST {
+            if relative.len() == most {
                 break;
             }
         }
@@ -203,6 +189,7 @@ fn longest(points: &[Vector], graph: &Graph, labels: &[i32], i: usize) -> f64 {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
+    use super::super::settings::Settings;
     use super::*;
     use crate::Workers;
     use crate::neighbors::PointTree;
@@ -213,7 +200,13 @@ mod tests {
         let workers = &Workers::new(Some(1), &(|| true)).unwrap();
         let tree = &PointTree::new(points);
         let graph = &Graph::new(tree, 16, 96, workers).unwrap();
-        let context = Context { tree, graph, noise: &[], surfaces: Surfaces::Smooth };
+        let context = Context {
+            tree,
+            graph,
+            noise: &[],
+            surfaces: Surfaces::Smooth,
+            settings: &Settings::default(),
+        };
         pieces(&context, &vec![0; points.len()])
     }
 

@@ -4,19 +4,11 @@ use super::context::Context;
 use super::graph::Graph;
 use super::growth::NOBODY;
 use super::roughness::Surfaces;
+use super::settings::{Competing, Settings};
 use crate::neighbors::normals::FLOOR;
 use crate::spread::{Moments, Spread};
 use crate::{Error, Vector, Workers};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
-
-/// Least share of a point's neighbours that a label counts with.
-pub const SHARE: f64 = 0.02;
-/// Standard deviations beyond which a plane does not take a point.
-pub const REACH: f64 = 4.0;
-
-/// How much farther from a smooth plane than their noise its points may be: the estimate of the
-/// noise is not perfect, but with more than that a plane would swallow what is beside it.
-const SLACK: f64 = 1.3;
 
 /// A plane and the points that carry its label.
 #[derive(Debug, Clone, Copy, Default)]
@@ -35,11 +27,11 @@ impl Region {
 
     /// Standard deviation about its plane: not less than the noise of its points, nor than what
     /// rounding leaves; not much more where surfaces are smooth.
-    pub fn sigma(&self, spread: &Spread, surfaces: Surfaces) -> f64 {
+    pub fn sigma(&self, spread: &Spread, surfaces: Surfaces, settings: &Settings) -> f64 {
         let floor = (FLOOR * spread.variances[2].sqrt()).max(f64::MIN_POSITIVE);
         let least = self.local_sigma.max(floor);
         let most = match surfaces {
-            Surfaces::Smooth => SLACK * least,
+            Surfaces::Smooth => settings.competition.slack * least,
             Surfaces::Rough => f64::INFINITY,
         };
         spread.variances[0].sqrt().clamp(least, most)
@@ -111,9 +103,10 @@ pub fn fit(points: &[Vector], noise: &[f32], labels: &[i32], workers: &Workers) 
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
 pub fn compete(context: &Context, labels: &[i32], workers: &Workers) -> Result<Vec<i32>, Error> {
-    let &Context { graph, surfaces, .. } = context;
+    let &Context { graph, surfaces, settings, .. } = context;
     let points = context.points();
-    let competition = Competition::new(&context.fit(labels, workers), surfaces, graph.most());
+    let competition =
+        Competition::new(&context.fit(labels, workers), surfaces, settings, graph.most());
     let mut next = vec![NOBODY; labels.len()];
     workers.fill(&mut next, 1, Vec::new, |counts, i, best| {
         let labels = graph.of(i).iter().map(|&other| labels[other as usize]);
@@ -131,20 +124,22 @@ pub struct Competition {
     /// Each plane with its standard deviation, and the logarithm of its normal density's inverse peak.
     planes: Vec<(Spread, f64, f64)>,
     shares: Shares,
+    reach: f64,
 }
 
 impl Competition {
     /// Of planes for points with up to `most` neighbours.
-    pub fn new(regions: &[Region], surfaces: Surfaces, most: usize) -> Self {
+    pub fn new(regions: &[Region], surfaces: Surfaces, settings: &Settings, most: usize) -> Self {
         let planes = regions
             .iter()
             .map(|region| {
                 let spread = region.spread();
-                let sigma = region.sigma(&spread, surfaces);
+                let sigma = region.sigma(&spread, surfaces, settings);
                 (spread, sigma, (sigma * std::f64::consts::TAU.sqrt()).ln())
             })
             .collect();
-        Self { planes, shares: Shares::new(most) }
+        let Competing { share, reach, .. } = settings.competition;
+        Self { planes, shares: Shares::new(most, share), reach }
     }
 
     /// The best label for a point among those of its neighbours, or [`NOBODY`]; `log_room` is the
@@ -171,7 +166,7 @@ impl Competition {
             let (spread, sigma, log_sigma) = &self.planes[label as usize];
             let distance = spread.distance(point) / sigma;
             let score = log_share(count) - (distance * distance / 2.0 + log_sigma);
-            if distance.abs() <= REACH && score > best_score {
+            if distance.abs() <= self.reach && score > best_score {
                 best_score = score;
                 best = label;
             }
@@ -210,11 +205,11 @@ struct Shares {
 }
 
 impl Shares {
-    /// Among up to `most` neighbours.
-    fn new(most: usize) -> Self {
+    /// Among up to `most` neighbours, each at least `least`.
+    fn new(most: usize, least: f64) -> Self {
         let log = |place: usize| {
             let (of_all, count) = (place / (most + 1), place % (most + 1));
-            (count as f64 / of_all as f64 + SHARE).ln()
+            (count as f64 / of_all as f64 + least).ln()
         };
         Self { most, logs: (0..(most + 1).pow(2)).map(log).collect() }
     }

@@ -2,34 +2,17 @@
 //! where neighbouring points err alike, as in depth images, rings of a sensor, clouds of many views.
 
 use super::regions::Region;
+use super::settings::Roughness;
 use crate::neighbors::normals::{LocalPlane, MOST as MOST_POINTS};
 use crate::neighbors::{Neighbor, PointTree, Search};
 use crate::spread::{Moments, Spread, Sums, axes_across, dot};
 use crate::{Error, Vector, Workers};
 
-/// Flat neighbourhoods that are asked.
-const MOST: usize = 1024;
-/// How many more points the wider neighbourhood has: four times the extent where there is room.
-const WIDER: usize = 16;
-/// Share of them that must show less growth: wider ones often reach over an edge.
-const QUARTILE: usize = 4;
-/// Power of the extent from which surfaces are rough; chance and faint curves stay below.
-const ROUGH: f64 = 0.1;
-/// How much wider than the flat one half of the wider neighbourhood must be to tell.
-const NARROWER: f64 = 1.5;
 /// Directions of the cuts into two, and parts into which each may cut.
 const DIRECTIONS: u32 = 6;
 const PARTS: usize = 4;
 /// Fits of a plane, each to the points within three median distances of the one before.
 const FITS: usize = 3;
-/// Points of a region that tells of its roughness.
-const TELLING: f64 = 60.0;
-/// Second smallest over smallest variance of such a region: layers cut from clutter are thicker.
-const THIN: f64 = 36.0;
-/// Regions that tell a law.
-const FEWEST: usize = 4;
-/// Largest power: beyond it nothing would be flat at any scale.
-const ROUGHEST: f64 = 0.8;
 
 /// Whether neighbouring points err alike.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,10 +33,11 @@ impl Surfaces {
         tree: &PointTree,
         local: &[LocalPlane],
         step: usize,
+        settings: &Roughness,
         workers: &Workers,
     ) -> Result<Self, Error> {
         let flat: Vec<usize> = (0..local.len()).filter(|&k| local[k].is_flat).collect();
-        let mut growth = vec![0.0; flat.len().min(MOST)];
+        let mut growth = vec![0.0; flat.len().min(settings.asked)];
         if growth.is_empty() {
             return Ok(Self::Smooth);
         }
@@ -64,7 +48,7 @@ impl Surfaces {
         workers.fill(&mut growth, 1, Search::default, |search, k, growth| {
             let k = flat[k * flat.len() / n_asked];
             let points = tree.points();
-            let wider = (WIDER * size).min(MOST_POINTS);
+            let wider = (settings.wider * size).min(MOST_POINTS);
             let window = tree.nearest(&points[k * step], wider, search);
             let near = median_distance(points, &window[..size.min(window.len())]);
             let wide = median_distance(points, window);
@@ -74,12 +58,13 @@ impl Surfaces {
                 window.iter().map(|neighbor| &points[neighbor.place as usize]).collect();
             let near = thickness(&window[..size.min(window.len())]);
             let wider = wider / std::f64::consts::SQRT_2;
-            if near > 0.0 && wider > NARROWER {
+            if near > 0.0 && wider > settings.narrower {
                 growth[0] = growth[0].max((halved(&window) / near).ln() / wider.ln());
             }
         })?;
-        let (_, quartile, _) = growth.select_nth_unstable_by(n_asked / QUARTILE, f64::total_cmp);
-        Ok(if *quartile > ROUGH { Self::Rough } else { Self::Smooth })
+        let (_, quartile, _) =
+            growth.select_nth_unstable_by(n_asked / settings.quartile, f64::total_cmp);
+        Ok(if *quartile > settings.rough { Self::Rough } else { Self::Smooth })
     }
 }
 
@@ -96,18 +81,18 @@ impl Law {
 
     /// The law of a cloud: regression of the logarithms over its regions, weighted by the root of
     /// their points; white when there are too few.
-    pub fn of(regions: &[Region]) -> Self {
+    pub fn of(regions: &[Region], settings: &Roughness) -> Self {
         let telling: Vec<[f64; 3]> = regions
             .iter()
-            .filter(|region| region.moments.count >= TELLING)
+            .filter(|region| region.moments.count >= settings.telling)
             .filter_map(|region| {
                 let [thin, middle, _] = region.spread().variances;
                 // Nothing is told by what rounding leaves of exact planes, nor by layers of clutter.
-                (thin > 1e-10 * middle && THIN * thin < middle)
+                (thin > 1e-10 * middle && settings.thin * thin < middle)
                     .then(|| [middle.ln() / 2.0, thin.ln() / 2.0, region.moments.count.sqrt()])
             })
             .collect();
-        if telling.len() < FEWEST {
+        if telling.len() < settings.fewest {
             return Self::WHITE;
         }
         let total: f64 = telling.iter().map(|row| row[2]).sum();
@@ -116,7 +101,7 @@ impl Law {
         let product = |k: usize, m: f64| {
             telling.iter().map(|row| row[2] * (row[0] - x) * (row[k] - m)).sum::<f64>()
         };
-        let power = (product(1, y) / product(0, x)).min(ROUGHEST);
+        let power = (product(1, y) / product(0, x)).min(settings.roughest);
         if power.is_nan() || power <= 0.0 {
             return Self::WHITE;
         }

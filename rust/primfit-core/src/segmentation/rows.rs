@@ -4,49 +4,34 @@
 use super::Segmentation;
 use super::growth::NOBODY;
 use super::regions::{self, Competition};
+use super::settings::{Rows, Settings};
 use crate::neighbors::normals::FLAT;
 use crate::neighbors::{Neighbor, PointTree, Search};
 use crate::spread::Moments;
 use crate::{Error, Vector, Workers};
 
-/// Points that are asked for their neighbours.
-const SAMPLES: usize = 128;
-/// The smallest neighbourhood that is looked at, the largest, and sizes while they double.
-const SIZES: (usize, usize) = (4, 8192);
+/// Sizes while they double.
 const STEPS: usize = 2;
-/// Neighbourhood that shows a surface when it is this large and reaches the next row.
-const ENOUGH: usize = 32;
-/// The same where rows are beams that were measured again and again.
-const FEW: usize = 4;
-/// Dimension of a surface, at least, and by what factor it rises, at least, while neighbourhoods
-/// that reach the next rows double.
-const SURFACE: f64 = 1.9;
-const RISE: f64 = 1.3;
-/// Neighbourhoods so many times smaller lie within a row, so many times larger reach over some.
-const WITHIN: usize = 4;
-/// Width of a row, at most, in the thickness of what it lies on, or in the reach over some rows.
-const THIN: f64 = 2.0;
-const NARROW: f64 = 0.03;
-/// Share of the variance of a row's part that is across the surface, if the row is a beam.
-const ACROSS: f64 = 0.5;
 
-/// One in how many points is enough, so that a neighbourhood of `ENOUGH` reaches the next row.
+/// One in how many points is enough, so that a large neighbourhood reaches the next row.
 ///
 /// The number of points in a ball grows with a power of its radius, by which a surface has about
 /// two dimensions and a row one. The last size at which it rises from the one to the other tells
 /// how many points a row has between two rows: smaller balls may fill up with the noise of a row.
 /// Where the rows run across the surface, they are beams that were measured again and again, and
 /// few points of each are enough.
-pub fn stride(tree: &PointTree) -> usize {
-    let dimensions = dimensions(tree);
+pub fn stride(tree: &PointTree, settings: &Rows) -> usize {
+    let dimensions = dimensions(tree, settings);
     let mut doubled = dimensions.iter().zip(dimensions.iter().skip(STEPS));
     let reaching = doubled
-        .rfind(|((_, half), (_, own))| *own >= SURFACE && *own >= RISE * half)
+        .rfind(|((_, half), (_, own))| *own >= settings.surface && *own >= settings.rise * half)
         .map(|(_, (size, _))| *size);
     let Some(reaching) = reaching else { return 1 };
-    let rows = rows(tree, reaching);
-    let most = |is: fn(&Row) -> bool| 2 * rows.iter().filter(|row| is(row)).count() > rows.len();
-    let enough = if most(Row::is_across) { FEW } else { ENOUGH };
+    let rows = rows(tree, reaching, settings);
+    let most = |is: fn(&Row, &Rows) -> bool| {
+        2 * rows.iter().filter(|row| is(row, settings)).count() > rows.len()
+    };
+    let enough = if most(Row::is_across) { settings.few } else { settings.enough };
     let stride = (reaching + enough / 2) / enough;
     if stride > 1 && most(Row::is_thin) { stride } else { 1 }
 }
@@ -66,22 +51,22 @@ struct Row {
 impl Row {
     /// Whether it is no wider than what it lies on is thick, or much less than the way to the next:
     /// slats with gaps between them are wider, and surfaces themselves.
-    fn is_thin(&self) -> bool {
-        self.width <= (THIN * self.thickness).max(NARROW * self.reach)
+    fn is_thin(&self, settings: &Rows) -> bool {
+        self.width <= (settings.thin * self.thickness).max(settings.narrow * self.reach)
     }
 
-    fn is_across(&self) -> bool {
-        self.share_across > ACROSS
+    fn is_across(&self, settings: &Rows) -> bool {
+        self.share_across > settings.across
     }
 }
 
 /// Parts of rows that have `reaching` points between one and the next.
-fn rows(tree: &PointTree, reaching: usize) -> Vec<Row> {
+fn rows(tree: &PointTree, reaching: usize, settings: &Rows) -> Vec<Row> {
     let (mut search, mut wider) = (Search::default(), Search::default());
     let mut row = |point: &Vector| {
         let at = |neighbor: &Neighbor| &tree.points()[neighbor.place as usize];
-        let near = tree.nearest(point, reaching / WITHIN, &mut search);
-        let far = tree.nearest(point, WITHIN * reaching, &mut wider);
+        let near = tree.nearest(point, reaching / settings.within, &mut search);
+        let far = tree.nearest(point, settings.within * reaching, &mut wider);
         let [part, all] = [near, far].map(|some| Moments::of(some.iter().map(at), point).spread());
         let is_surface = all.variances[1] > FLAT * all.variances[0];
         let middle = all.distance(&part.mean);
@@ -94,27 +79,27 @@ fn rows(tree: &PointTree, reaching: usize) -> Vec<Row> {
             share_across: across / part.variances.iter().sum::<f64>(),
         }
     };
-    samples(tree).map(&mut row).collect()
+    samples(tree, settings).map(&mut row).collect()
 }
 
 /// Some points, none of them where the tree was halved: there it has the outermost points of its
 /// parts, which are those between surfaces.
-fn samples(tree: &PointTree) -> impl Iterator<Item = &Vector> {
-    let step = tree.points().len().div_ceil(SAMPLES);
+fn samples<'a>(tree: &'a PointTree, settings: &Rows) -> impl Iterator<Item = &'a Vector> + use<'a> {
+    let step = tree.points().len().div_ceil(settings.samples);
     tree.points().iter().skip(step / 3).step_by(step)
 }
 
 /// Median dimension of neighbourhoods from half to double each size.
-fn dimensions(tree: &PointTree) -> Vec<(usize, f64)> {
-    let most = SIZES.1.min(tree.points().len() / 4);
+fn dimensions(tree: &PointTree, settings: &Rows) -> Vec<(usize, f64)> {
+    let most = settings.sizes.1.min(tree.points().len() / 4);
     // Every second one is 1.5 times the one before, instead of the root of 2.
-    let sizes: Vec<usize> = std::iter::successors(Some(SIZES.0), |size| Some(2 * size))
+    let sizes: Vec<usize> = std::iter::successors(Some(settings.sizes.0), |size| Some(2 * size))
         .flat_map(|size| [size, size + size / 2])
         .take_while(|&size| size <= most)
         .collect();
     let mut search = Search::default();
     let mut radii = vec![Vec::new(); sizes.len()];
-    for point in samples(tree) {
+    for point in samples(tree, settings) {
         let squares = tree.nearest_squares(point, most, &mut search);
         // The largest first: what is beyond it is not looked at again.
         for (radii, &size) in radii.iter_mut().zip(&sizes).rev() {
@@ -145,11 +130,12 @@ pub fn told(
     sigma: Option<&[f64]>,
     some: &PointTree,
     found: &Segmentation,
+    settings: &Settings,
     workers: &Workers,
 ) -> Result<Segmentation, Error> {
     let noise: Vec<f32> = found.sigma.iter().map(|&sigma| sigma as f32).collect();
     let planes = regions::fit(some.points(), &noise, &found.labels, workers);
-    let competition = Competition::new(&planes, found.surfaces, found.n_nearest);
+    let competition = Competition::new(&planes, found.surfaces, settings, found.n_nearest);
     let points = tree.points();
     let mut all = vec![(NOBODY, 0.0); points.len()];
     let scratch = || (Search::default(), Vec::new());
@@ -178,7 +164,7 @@ mod tests {
                 [(i % n) as f64 * step, (i / n) as f64 + 0.1 * error, error]
             })
             .collect();
-        stride(&PointTree::new(&points))
+        stride(&PointTree::new(&points), &Rows::default())
     }
 
     #[test]
@@ -189,7 +175,7 @@ mod tests {
         let scattered: Vec<Vector> = (0..4000)
             .map(|i| [f64::from(i) / 4000.0, (f64::from(i) * golden).fract(), 0.0])
             .collect();
-        assert_eq!(stride(&PointTree::new(&scattered)), 1);
+        assert_eq!(stride(&PointTree::new(&scattered), &Rows::default()), 1);
     }
 
     #[test]
@@ -208,7 +194,7 @@ mod tests {
                 [f64::from(i / 10 % 50), f64::from(i / 500), error]
             })
             .collect();
-        let stride = stride(&PointTree::new(&points));
+        let stride = stride(&PointTree::new(&points), &Rows::default());
         assert!((4..=10).contains(&stride), "{stride}");
     }
 
@@ -221,7 +207,7 @@ mod tests {
                 [across, f64::from(i) / 10_000.0, 0.001 * (1e4 * f64::from(i).cos()).fract()]
             })
             .collect();
-        assert_eq!(stride(&PointTree::new(&slats)), 1);
+        assert_eq!(stride(&PointTree::new(&slats), &Rows::default()), 1);
     }
 
     #[test]
@@ -235,13 +221,13 @@ mod tests {
                 [at[0] + 2.0 * u, at[1] + 2.0 * v, at[2] + wall.sin() * u + off]
             })
             .collect();
-        assert_eq!(stride(&PointTree::new(&walls)), 1);
+        assert_eq!(stride(&PointTree::new(&walls), &Rows::default()), 1);
     }
 
     #[test]
     fn samples_are_not_outermost() {
         let per_cluster = 160;
-        let points: Vec<Vector> = (0..SAMPLES)
+        let points: Vec<Vector> = (0..Rows::default().samples)
             .flat_map(|cluster| {
                 let start = 10.0 * cluster as f64;
                 let stray = [start - 5.0, 0.0, 0.0];
@@ -250,13 +236,14 @@ mod tests {
             })
             .collect();
         let tree = PointTree::new(&points);
-        let strays = samples(&tree).filter(|point| point[0].rem_euclid(10.0) == 5.0);
+        let strays =
+            samples(&tree, &Rows::default()).filter(|point| point[0].rem_euclid(10.0) == 5.0);
         assert!(strays.count() <= 3);
     }
 
     #[test]
     fn one_row_is_no_surface() {
         let row: Vec<Vector> = (0..4000).map(|i| [f64::from(i), 0.0, 0.0]).collect();
-        assert_eq!(stride(&PointTree::new(&row)), 1);
+        assert_eq!(stride(&PointTree::new(&row), &Rows::default()), 1);
     }
 }

@@ -4,16 +4,11 @@
 use super::context::Context;
 use super::growth::NOBODY;
 use super::merging::Freedom;
-use super::pieces::{CHANCE, gap, spacing};
+use super::pieces::{gap, spacing};
 use super::regions::{Competition, Members, Region};
 use super::roughness::Surfaces;
 use crate::neighbors::Search;
 use crate::{Error, Workers};
-
-/// Nearest points among which the other end of a gap is looked for, as the graph does for bridges.
-const LOOKED_AT: usize = 96;
-/// Length of the shortest gap that no edge crosses, in spacings: the nearest 12 points lie within it.
-const UNBRIDGED: f64 = 2.0;
 
 /// The labels with parts of a narrow strip put together where they are one plane by the price of
 /// merging and the gap between them is one that chance leaves. On rough surfaces nothing is: where
@@ -26,7 +21,7 @@ pub fn join_strips(
     labels: &[i32],
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
-    let &Context { tree, graph, surfaces, .. } = context;
+    let &Context { tree, graph, surfaces, settings, .. } = context;
     if surfaces == Surfaces::Rough {
         return Ok(labels.to_vec());
     }
@@ -38,8 +33,8 @@ pub fn join_strips(
         let places = members.get(k);
         let width = (12.0 * region.spread().variances[1]).sqrt();
         let spacing = spacing(points, graph, labels, places.iter().copied());
-        let most = (places.len() as f64).ln() + CHANCE;
-        if UNBRIDGED * (width / spacing + 1.0) < most {
+        let most = (places.len() as f64).ln() + settings.gaps.chance;
+        if settings.gaps.unbridged * (width / spacing + 1.0) < most {
             narrow.extend(places);
         }
     }
@@ -49,7 +44,7 @@ pub fn join_strips(
     workers.fill(&mut ends, 1, Search::default, |search, k, ends| {
         let place = narrow[k];
         let own = labels[place as usize];
-        for near in tree.nearest(&points[place as usize], LOOKED_AT, search) {
+        for near in tree.nearest(&points[place as usize], settings.gaps.looked_at, search) {
             let other = labels[near.place as usize];
             if other != own && other != NOBODY {
                 ends[0].push(if own < other {
@@ -64,12 +59,13 @@ pub fn join_strips(
     bridges.sort_unstable();
     bridges.dedup();
     members = Members::of(labels);
-    let freedom = Freedom::of(surfaces, regions);
+    let freedom = Freedom::of(surfaces, regions, settings);
     let mut first: Vec<i32> = (0..members.len() as i32).collect();
     for bridges in bridges.chunk_by(|one, other| one.0 == other.0) {
         let pair = bridges[0].0.map(|label| label as usize);
         if freedom.allows(pair.map(|label| &regions[label]))
-            && gap(points, graph, labels, bridges, pair.map(|k| members.get(k))).is_chance()
+            && gap(points, graph, labels, bridges, pair.map(|k| members.get(k)))
+                .is_chance(settings.gaps.chance)
         {
             let [a, b] = pair.map(|label| first[label]);
             for end in first.iter_mut().filter(|end| **end == a.max(b)) {
@@ -90,15 +86,15 @@ fn taken(
     narrow: &mut Vec<u32>,
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
-    let &Context { tree, graph, surfaces, .. } = context;
+    let &Context { tree, graph, surfaces, settings, .. } = context;
     let points = tree.points();
-    let competition = Competition::new(regions, surfaces, LOOKED_AT);
+    let competition = Competition::new(regions, surfaces, settings, settings.gaps.looked_at);
     let mut labels = labels.to_vec();
     let mut rim = narrow.clone();
     while !rim.is_empty() {
         let mut free: Vec<Vec<u32>> = vec![Vec::new(); rim.len()];
         workers.fill(&mut free, 1, Search::default, |search, k, free| {
-            let near = tree.nearest(&points[rim[k] as usize], LOOKED_AT, search);
+            let near = tree.nearest(&points[rim[k] as usize], settings.gaps.looked_at, search);
             let near = near.iter().map(|near| near.place);
             free[0].extend(near.filter(|&place| labels[place as usize] == NOBODY));
         })?;
@@ -112,7 +108,7 @@ fn taken(
             || (Search::default(), Vec::new()),
             |(search, counts), k, best| {
                 let place = free[k] as usize;
-                let near = tree.nearest(&points[place], LOOKED_AT, search);
+                let near = tree.nearest(&points[place], settings.gaps.looked_at, search);
                 let around = near.iter().map(|near| labels[near.place as usize]);
                 best[0] =
                     competition.best(&points[place], around, || graph.log_room(place), counts);
