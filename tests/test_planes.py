@@ -212,6 +212,19 @@ class TestRows:
         assert 4 <= planes.settings["stride"] <= 10
         assert len(planes) <= len(once) + 2
 
+    @pytest.mark.parametrize("rng", [0, 2, 3])
+    def test_low_walls_of_a_large_room_are_no_rows(self, rng):
+        """Band by band they look like the rows of a floor whose noise is as thick as they are high."""
+        world = primfit.random_world(6, size=8.0, rng=3)
+        lidar = primfit.Lidar(32, 0.6, 720, 6.28, max_range=30.0, noise=5e-4)
+        path = primfit.grid_path(world, spacing=3.0, headings=1, rng=rng)[:2]
+        scan = primfit.scan(world, path, lidar, rng=1)
+        planes = primfit.detect_planes(scan.points[scan.is_return])
+        assert planes.settings["stride"] == 1
+        hit, (x, y, _) = scan.solid_index[scan.is_return], scan.points[scan.is_return].T
+        walls = [(hit == -2) & side for side in (x < 0.1, x > 7.9, y < 0.1, y > 7.9)]
+        assert iou(planes.labels, np.select(walls, range(4), -1)).min() > 0.9
+
     def test_scale_place_and_threads(self, turns):
         points = turns[0]
         here = primfit.detect_planes(points, n_jobs=1)

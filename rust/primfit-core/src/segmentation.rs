@@ -12,7 +12,7 @@ mod pieces;
 mod regions;
 mod roughness;
 mod rows;
-mod settings;
+pub(crate) mod settings;
 mod splitting;
 mod strips;
 

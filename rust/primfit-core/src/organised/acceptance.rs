@@ -3,26 +3,14 @@
 use super::cells::{Flat, Image};
 use super::growth::NOBODY;
 use super::refinement::{Plane, around};
+use crate::segmentation::SegmentationSettings;
 use crate::segmentation::curvature::{Bend, Heights};
 use crate::spread::Spread;
 
 /// Least points of a plane.
 const FEWEST: f64 = 10.0;
-/// Second smallest over smallest variance of a plane, more when it is of few points.
-const FLAT: (f64, f64) = (2.0, 6.0);
-const FLAT_BY_CHANCE: f64 = 288.0;
-/// Least share of the labelled neighbours among the neighbours with this label or none.
-const PURITY: f64 = 0.5;
-/// Turn of the normal from side to side, radians, and fall of the sum of squares, in variances, from
-/// which points are on a curved surface.
-const BENT: f64 = 0.2;
-const CURVED: f64 = 16.0;
-/// Share of the squared distances that bending explains, from which it is the surface that bends.
-const SHARE: f64 = 0.25;
 /// Pixels of a part that are looked at for purity and bending, about.
 const SAMPLES: usize = 600;
-/// Standard deviations from a curved surface within which its points lie.
-const ON: f64 = 3.0;
 /// Times its own points that a patch goes on over, at most.
 const MOST: f64 = 16.0;
 /// Steps from pixel to pixel beyond the border.
@@ -42,6 +30,8 @@ pub struct Part<'a> {
     pub plane: Plane,
     /// Points that count as one.
     pub alike: f64,
+    /// What planes of clouds go by, too.
+    pub settings: &'a SegmentationSettings,
 }
 
 /// Pixels that have been looked at, which a thread uses for one part after another.
@@ -71,11 +61,12 @@ impl Part<'_> {
     pub fn is_plane(&self, seen: &mut Seen) -> bool {
         let n = self.places.len() as f64;
         let [thin, middle, _] = self.plane.flat.variances;
-        let least = (FLAT_BY_CHANCE / n).clamp(FLAT.0, FLAT.1);
+        let acceptance = &self.settings.acceptance;
+        let least = (acceptance.flat_by_chance / n).clamp(acceptance.flat.0, acceptance.flat.1);
         n >= FEWEST
             && middle > least * thin.max(self.plane.sigma.powi(2) / 4.0)
             && self.evidence() > 0.0
-            && self.purity() >= PURITY
+            && self.purity() >= acceptance.purity
             && !self.is_bent(seen)
     }
 
@@ -103,9 +94,10 @@ impl Part<'_> {
 
     /// Whether a paraboloid explains enough of `n` points' squared distances from their plane.
     fn is_clear(&self, bend: &Bend, n: f64) -> bool {
-        bend.turn > BENT
-            && bend.evidence > CURVED * self.alike
-            && bend.evidence > SHARE * (bend.evidence + n - 6.0)
+        let curvature = &self.settings.curvature;
+        bend.turn > curvature.turn
+            && bend.evidence > curvature.evidence * self.alike
+            && bend.evidence > curvature.explained * (bend.evidence + n - 6.0)
     }
 
     /// Whether its points bend, or go on beyond its border on a surface that does.
@@ -130,7 +122,7 @@ impl Part<'_> {
         if heights.bend().is_some_and(|bend| self.is_clear(&bend, own)) {
             return true;
         }
-        let reach = ON * self.plane.sigma;
+        let reach = self.settings.curvature.on * self.plane.sigma;
         seen.begin(image.points.len());
         for &i in &rim {
             seen.insert(i);

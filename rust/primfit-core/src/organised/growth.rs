@@ -2,6 +2,8 @@
 
 use super::cells::{Flat, Pyramid, children, sum};
 use crate::agglomeration::{Clusters, agglomerate};
+use crate::segmentation::SegmentationSettings;
+use crate::segmentation::settings::{Accepting, Merging};
 use crate::spread::Moments;
 use std::collections::BTreeMap;
 
@@ -15,9 +17,6 @@ const FILLED: f64 = 0.25;
 /// Cells of one size in a row or column that may be flat together where none is by itself: faces as
 /// narrow as a cell, near the sensor, whose noise is as large as it.
 const LONGEST: usize = 4;
-/// Second smallest over smallest variance of a flat cell: by chance 6 in 48 points, more in fewer.
-const FLAT: f64 = 6.0;
-const FLAT_BY_CHANCE: f64 = 288.0;
 /// Second smallest over largest variance, below which points are on a line.
 const LINE: f64 = 1e-4;
 /// Standard deviation of a cell's points about the plane of a region, in those of the noise, up to
@@ -25,14 +24,8 @@ const LINE: f64 = 1e-4;
 pub const ROUGH: f64 = 1.6;
 /// How much a region grows between two fits.
 const REFIT: f64 = 1.5;
-/// Squared distance, in variances, that each point of the smaller of two regions may move.
-const MOVE: f64 = 0.25;
-/// How much larger than the smaller variance of two regions the common one may be.
-const UNEQUAL: f64 = 4.0;
 /// Least points of regions that are merged.
 const LEAST: f64 = 3.0;
-/// What a plane costs, in variances, times the logarithm of its points.
-const PLANE: f64 = 4.0;
 
 /// Points on one plane.
 #[derive(Debug, Clone, Copy, Default)]
@@ -75,8 +68,13 @@ struct Nodes {
 }
 
 /// Region of each of the smallest cells, and the regions; those that no cell names are empty of them.
-pub fn regions(pyramid: &Pyramid, noise: &[f64], is_ring: bool) -> (Vec<i32>, Vec<Region>) {
-    let nodes = flat_cells(pyramid, noise);
+pub fn regions(
+    pyramid: &Pyramid,
+    noise: &[f64],
+    is_ring: bool,
+    settings: &SegmentationSettings,
+) -> (Vec<i32>, Vec<Region>) {
+    let nodes = flat_cells(pyramid, noise, &settings.acceptance);
     let touching = touching(&nodes.of_cell, pyramid.levels[0].width, is_ring, nodes.regions.len());
     let (of_node, mut regions) = grow(&nodes, &touching);
     let mut beside = vec![BTreeMap::new(); regions.len()];
@@ -85,14 +83,14 @@ pub fn regions(pyramid: &Pyramid, noise: &[f64], is_ring: bool) -> (Vec<i32>, Ve
         let others = others.iter().map(|&b| of_node[b as usize] as usize);
         beside[own].extend(others.filter(|&other| other != own).map(|other| (other, 0.0)));
     }
-    let into = merge(&mut regions, beside);
+    let into = merge(&mut regions, beside, &settings.merging);
     let of =
         |&node: &i32| if node == NOBODY { NOBODY } else { into[of_node[node as usize] as usize] };
     (nodes.of_cell.iter().map(of).collect(), regions)
 }
 
 /// The largest flat cells.
-fn flat_cells(pyramid: &Pyramid, noise: &[f64]) -> Nodes {
+fn flat_cells(pyramid: &Pyramid, noise: &[f64], settings: &Accepting) -> Nodes {
     let mut squares = vec![weighted(&pyramid.levels[0].moments, noise)];
     for k in 1..pyramid.levels.len() {
         let (level, below) = (&pyramid.levels[k], &pyramid.levels[k - 1]);
@@ -131,7 +129,7 @@ fn flat_cells(pyramid: &Pyramid, noise: &[f64]) -> Nodes {
                     }
                     let all = row(step).map(region).reduce(|a, b| a.joined(&b)).unwrap_or_default();
                     let flat = Flat::of(&all.moments);
-                    if is_flat(&all, &flat) {
+                    if is_flat(&all, &flat, settings) {
                         let number = nodes.regions.len() as i32;
                         nodes.regions.push(all);
                         nodes.flats.push(flat);
@@ -156,10 +154,11 @@ fn weighted(moments: &[Moments], noise: &[f64]) -> Vec<f64> {
     moments.iter().zip(noise).map(|(own, sigma)| own.count * sigma * sigma).collect()
 }
 
-fn is_flat(region: &Region, flat: &Flat) -> bool {
+/// Whether a cell is: by chance its variances are as 6 to 1 in 48 points, farther apart in fewer.
+fn is_flat(region: &Region, flat: &Flat, settings: &Accepting) -> bool {
     let [thin, middle, long] = flat.variances;
     let n = region.moments.count;
-    middle > (FLAT_BY_CHANCE / n).max(FLAT) * thin
+    middle > (settings.flat_by_chance / n).max(settings.flat.1) * thin
         && middle > LINE * long
         && thin.sqrt() <= ROUGH * region.sigma(flat)
 }
@@ -261,9 +260,13 @@ fn fits(region: &Region, plane: &Flat, other: &Region, own: &Flat) -> bool {
 }
 
 /// Puts touching regions together as long as one plane explains both; number of each after it.
-pub fn merge(regions: &mut [Region], touching: Vec<BTreeMap<usize, f64>>) -> Vec<i32> {
+pub fn merge(
+    regions: &mut [Region],
+    touching: Vec<BTreeMap<usize, f64>>,
+    settings: &Merging,
+) -> Vec<i32> {
     let flats = regions.iter().map(|region| Flat::of(&region.moments)).collect();
-    let into = agglomerate(&mut Planes { regions, flats }, touching);
+    let into = agglomerate(&mut Planes { regions, flats, settings }, touching);
     into.into_iter().map(|k| k as i32).collect()
 }
 
@@ -271,6 +274,7 @@ pub fn merge(regions: &mut [Region], touching: Vec<BTreeMap<usize, f64>>) -> Vec
 struct Planes<'a> {
     regions: &'a mut [Region],
     flats: Vec<Flat>,
+    settings: &'a Merging,
 }
 
 impl Clusters for Planes<'_> {
@@ -290,8 +294,9 @@ impl Clusters for Planes<'_> {
             flat.variances[0].clamp(least, ROUGH * ROUGH * least)
         };
         let (v, w) = (variance(first, &flats[0]), variance(second, &flats[1]));
-        let variance = v.max(w).min(UNEQUAL * v.min(w));
-        let worth = PLANE * (m + k).ln() + MOVE * m.min(k);
+        let &Merging { unequal, plane, move_smooth, .. } = self.settings;
+        let variance = v.max(w).min(unequal * v.min(w));
+        let worth = plane * (m + k).ln() + move_smooth * m.min(k);
         let gain = (worth - rise / variance) / (m + k);
         (gain > 0.0).then_some(gain)
     }

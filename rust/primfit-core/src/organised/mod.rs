@@ -7,6 +7,7 @@ mod noise;
 mod refinement;
 mod rows;
 
+use crate::segmentation::SegmentationSettings;
 use crate::spread::Sums;
 use crate::{Error, Vector, Workers};
 use acceptance::{Part, Seen};
@@ -64,6 +65,7 @@ fn segment_in_line(
     sigma: Option<&[f64]>,
     workers: &Workers,
 ) -> Result<ImageSegmentation, Error> {
+    let settings = &SegmentationSettings::default();
     let pyramid = Pyramid::of(image);
     workers.check()?;
     let noise = match sigma {
@@ -71,21 +73,22 @@ fn segment_in_line(
         None => noise::estimate(image, &pyramid),
     };
     workers.check()?;
-    let (of_cell, regions) = growth::regions(&pyramid, &noise.sigma, image.is_ring);
+    let (of_cell, regions) = growth::regions(&pyramid, &noise.sigma, image.is_ring, settings);
     let planes: Vec<Plane> = regions.iter().map(Plane::of).collect();
     workers.check()?;
     let mut labels = refinement::assign(image, &pyramid, &of_cell, &planes);
     refinement::flow(image, &mut labels, &planes);
-    refinement::compete(image, &mut labels, &planes);
+    refinement::compete(image, &mut labels, &planes, settings.competition.share);
     workers.check()?;
     let mut regions = fit(image, &pyramid, &noise.sigma, &labels, planes.len());
-    let into = growth::merge(&mut regions, refinement::beside(image, &labels, planes.len()));
+    let beside = refinement::beside(image, &labels, planes.len());
+    let into = growth::merge(&mut regions, beside, &settings.merging);
     for label in labels.iter_mut().filter(|label| **label != NOBODY) {
         *label = into[*label as usize];
     }
     let (labels, n) = refinement::parts(image, &labels);
     let regions = fit(image, &pyramid, &noise.sigma, &labels, n);
-    let labels = accept(image, &labels, &regions, noise.alike, workers)?;
+    let labels = accept(image, &labels, &regions, noise.alike, settings, workers)?;
     let mut sigma = Vec::with_capacity(labels.len());
     for row in 0..image.height {
         sigma.extend((0..image.width).map(|x| noise.sigma[pyramid.cell_at(row, x)]));
@@ -99,13 +102,14 @@ fn accept(
     labels: &[i32],
     regions: &[Region],
     alike: f64,
+    settings: &SegmentationSettings,
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
     let members = members(labels, regions.len());
     let mut is_plane = vec![false; regions.len()];
     workers.fill(&mut is_plane, 1, Seen::default, |seen, k, is_plane| {
         let (places, plane) = (&members[k][..], Plane::of(&regions[k]));
-        let part = Part { image, labels, label: k as i32, places, plane, alike };
+        let part = Part { image, labels, label: k as i32, places, plane, alike, settings };
         is_plane[0] = part.is_plane(seen);
     })?;
     let mut order: Vec<usize> = (0..regions.len()).filter(|&k| is_plane[k]).collect();

@@ -7,8 +7,6 @@ use std::collections::BTreeMap;
 
 /// Standard deviations within which a plane takes points.
 const REACH: f64 = 3.5;
-/// Least share of a pixel's neighbours that a label counts with.
-const SHARE: f64 = 0.02;
 /// Half the logarithm of a turn: what a normal density's peak is below that of one of height 1.
 const HALF_LOG_TAU: f64 = 0.918_938_533_204_672_8;
 /// Sweeps of competition.
@@ -135,11 +133,11 @@ pub fn around<'a>(image: &'a Image, i: usize) -> impl Iterator<Item = usize> + u
 
 /// Sweeps of competition where the eight neighbours of a pixel do not agree with it: the distance's
 /// likelihood times the share of neighbours with the label.
-pub fn compete(image: &Image, labels: &mut [i32], planes: &[Plane]) {
+pub fn compete(image: &Image, labels: &mut [i32], planes: &[Plane], least: f64) {
     let (w, h) = (image.width, image.height);
     // Of so many neighbours alike among all, both at most eight.
     let logs: [[f64; 9]; 9] =
-        from_fn(|n_all| from_fn(|n_alike| (n_alike as f64 / n_all.max(1) as f64 + SHARE).ln()));
+        from_fn(|n_all| from_fn(|n_alike| (n_alike as f64 / n_all.max(1) as f64 + least).ln()));
     for _ in 0..SWEEPS {
         let old = labels.to_vec();
         for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {

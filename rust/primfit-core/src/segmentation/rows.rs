@@ -91,7 +91,7 @@ fn samples<'a>(tree: &'a PointTree, settings: &Rows) -> impl Iterator<Item = &'a
 
 /// Median dimension of neighbourhoods from half to double each size.
 fn dimensions(tree: &PointTree, settings: &Rows) -> Vec<(usize, f64)> {
-    let most = settings.sizes.1.min(tree.points().len() / 4);
+    let most = settings.sizes.1.min(tree.points().len() / settings.parts);
     // Every second one is 1.5 times the one before, instead of the root of 2.
     let sizes: Vec<usize> = std::iter::successors(Some(settings.sizes.0), |size| Some(2 * size))
         .flat_map(|size| [size, size + size / 2])

@@ -59,14 +59,14 @@ macro_rules! settings {
         $(#[$of_all])*
         #[derive(Debug, Clone, Copy, PartialEq, Default)]
         pub struct $all {
-            $($(#[$of_group])* pub(super) $group: $type,)+
+            $($(#[$of_group])* pub(crate) $group: $type,)+
         }
 
         $(
             $(#[$of_group])*
             #[derive(Debug, Clone, Copy, PartialEq)]
-            pub(super) struct $type {
-                $($(#[$of_field])* pub(super) $field: $number,)+
+            pub(crate) struct $type {
+                $($(#[$of_field])* pub(crate) $field: $number,)+
             }
 
             impl Default for $type {
@@ -101,7 +101,8 @@ macro_rules! settings {
 }
 
 settings! {
-/// All numbers of the search for planes in a cloud of which nothing is known.
+/// All numbers of the search for planes in a cloud of which nothing is known; the search in an image
+/// goes by those that it shares.
 Settings {
     /// The course of the search.
     course: Course {
@@ -311,6 +312,9 @@ Settings {
         samples: usize = 128,
         /// The smallest neighbourhood that is looked at, the largest.
         sizes: (usize, usize) = (4, 8192),
+        /// Neighbourhoods so many times larger are the whole cloud, at least: the rows of a surface
+        /// are many, the walls of a low room are four.
+        parts: usize = 16,
         /// Neighbourhood that shows a surface when it is this large and reaches the next row.
         enough: usize = 32,
         /// The same where rows are beams that were measured again and again.
