@@ -18,11 +18,11 @@ from .polyhedra.found import FoundPolyhedron, Polyhedra
 from .results import Contradiction, Detection, FoundArena, FoundSolid
 from .scans.bags import read_clouds, read_scan
 from .scans.casting import RayCaster
-from .scans.lidar import Lidar
 from .scans.scan import Scan
 from .scans.scanning import scan
 from .scans.webots import export_webots
 from .segmentation import SegmentationReport, evaluate_segmentation
+from .sensors.lidar import Lidar
 from .worlds.arena import Arena
 from .worlds.paper_setting import built_of_walls, paper_path, paper_world
 from .worlds.paths import grid_path, waypoints

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 from primfit import _primfit
 from primfit._check import Floats, as_floats, instance
-from primfit.scans.lidar import Lidar
 from primfit.scans.scan import Scan
 from primfit.scans.scanning import as_transforms
+from primfit.sensors.lidar import Lidar
 
 
 def scan_of_readings(

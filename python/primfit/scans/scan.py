@@ -32,7 +32,7 @@ from primfit.viewing.shown import Shown
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from primfit.scans.lidar import Lidar
+    from primfit.sensors.lidar import Lidar
 
 _ARRAYS = ("points", "origins", "directions", "ranges")
 _INDICES = ("layer", "column", "pose_index", "solid_index")

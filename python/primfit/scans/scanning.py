@@ -16,9 +16,10 @@ from primfit._progress import Progress, reporting
 from primfit.geometry.motions import wrapped
 from primfit.scans.casting import RayCaster
 from primfit.scans.imperfections import read
-from primfit.scans.lidar import Lidar, check_transforms
 from primfit.scans.path_errors import as_pose_sigmas, carried_along, drifted, misplaced
 from primfit.scans.scan import TRUTHS, Scan
+from primfit.sensors.lidar import Lidar
+from primfit.sensors.mounts import check_transforms
 from primfit.worlds.places import warn_of_places
 from primfit.worlds.world import World
 
