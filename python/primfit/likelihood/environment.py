@@ -58,11 +58,21 @@ def initial_scene(
     ranges = scan.ranges[scan.is_return]
     longest = settings.noise.range_margin * float(np.quantile(ranges, 0.999))
     longest += settings.noise.contamination_sigmas * float(np.median(sigma))
-    longest = longest if scan.max_range is None else min(longest, scan.max_range)
     shortest = max(float(np.quantile(ranges, 0.001)), 0.0)
-    shortest = shortest if scan.min_range is None else scan.min_range
+    nearest = shortest if scan.min_range is None else scan.min_range
+    farthest = longest if scan.max_range is None else np.minimum(longest, scan.max_range)
+    limits = None
+    if np.ndim(nearest) or np.ndim(farthest):
+        limits = np.stack([np.broadcast_to(each, len(scan)) for each in (nearest, farthest)])
+    shortest, longest = float(np.min(nearest)), float(np.max(farthest))
     sigmas = np.maximum(np.broadcast_to(sigma, len(scan)), settings.noise.least_sigma * longest)
-    model = BeamModel(sigma=sigmas, min_range=shortest, max_range=longest, settings=settings.noise)
+    model = BeamModel(
+        sigma=sigmas,
+        min_range=shortest,
+        max_range=longest,
+        beam_limits=limits,
+        settings=settings.noise,
+    )
     floor_z = find_floor(scan, model)
     lowest = min(float(scan.points[scan.is_return, 2].min()), float(scan.origins[:, 2].min()))
     scene = Scene(
@@ -92,7 +102,7 @@ def find_floor(scan: Scan, model: BeamModel) -> float | None:
     def residuals(at: float) -> Floats:
         """Standard deviations by which ranges exceed those of a floor, NaN for none in range."""
         expected = (at - heights) / slope
-        return np.where(model.is_visible(expected), (ranges - expected) / sigma, np.nan)
+        return np.where(model.is_visible(expected, down), (ranges - expected) / sigma, np.nan)
 
     grid = np.concatenate([np.quantile(z, np.linspace(0.0, 1.0, 150)), np.linspace(*_span(z), 150)])
     grid = np.unique(grid)
@@ -287,7 +297,7 @@ def level_floor(scene: Scene, stride: int) -> tuple[float, float]:
     floor_z, sigma = scene.floor_z, np.inf
     for _ in range(_FLOOR_STEPS):
         expected = (floor_z - heights) / slope
-        meets = (expected < nearest) & model.is_visible(expected)
+        meets = (expected < nearest) & model.is_visible(expected, down)
         residual = ranges - expected
         meets &= np.abs(residual) <= model.settings.contamination_sigmas * sigmas
         weights = np.where(meets, (slope * sigmas) ** -2, 0.0)
@@ -310,7 +320,7 @@ def measure_noise(scene: Scene, measure_sigma: bool, stride: int) -> BeamModel:
     scan, model = scene.scan, scene.model
     rows = scene.clear_rows(stride, _LEAST_CLEAR)
     expected = scene.expected(rows)
-    foreseen = model.is_visible(expected)
+    foreseen = model.is_visible(expected, rows)
     hits = foreseen & scan.is_return[rows]
     residual = np.abs(scan.ranges[rows][hits] - expected[hits])
     sigma = model.sigma

@@ -139,6 +139,7 @@ def _exact(scene: Scene, track: Track, task: Task) -> Scene:
         sigma=sigma,
         min_range=scene.model.min_range,
         max_range=scene.model.max_range,
+        beam_limits=scene.model.beam_limits,
         settings=task.settings.noise,
     )
     return replace(scene, model=model)

@@ -37,9 +37,9 @@ def passages(scan: Scan, equation: Floats, axes: Floats, sigma: float) -> Floats
     places : (k, 2) float64, metres
         Along the axes.
     """
+    is_return = np.isfinite(scan.ranges)
     farthest = scan.max_range
     if farthest is None:
-        farthest = float(scan.ranges[np.isfinite(scan.ranges)].max(initial=0.0))
-    return _primfit.passages(
-        scan.origins, scan.directions, scan.ranges, farthest, equation, axes, _CLEAR * sigma
-    )
+        farthest = float(scan.ranges[is_return].max(initial=0.0))
+    lengths = np.where(is_return, scan.ranges, farthest)
+    return _primfit.passages(scan.origins, scan.directions, lengths, equation, axes, _CLEAR * sigma)

@@ -20,6 +20,7 @@ from primfit.scans.path_errors import as_pose_sigmas, carried_along, drifted, mi
 from primfit.scans.scan import TRUTHS, Scan
 from primfit.sensors.lidar import Lidar
 from primfit.sensors.mounts import check_transforms
+from primfit.sensors.sensor import RangeGate, Sensor
 from primfit.worlds.places import warn_of_places
 from primfit.worlds.world import World
 
@@ -29,7 +30,7 @@ _BEAMS_AT_ONCE = 1 << 18
 def scan(
     world: World,
     path: ArrayLike,
-    lidar: Lidar | None = None,
+    lidar: Sensor | None = None,
     *,
     rng: Any = None,
     pose_noise: ArrayLike | None = None,
@@ -37,26 +38,27 @@ def scan(
     n_jobs: int | None = None,
     progress: Progress = False,
 ) -> Scan:
-    """All returns of a LiDAR along a path.
+    """All returns of a LiDAR or a depth camera along a path.
 
     Every beam is cast exactly against solids, arena and floor. The range gate is applied to the
     true range; then Gaussian noise is added along the beam, and the range is rounded to the
-    sensor's resolution. A beam without return stays without return. Poses inside a solid are
-    passed over, as in the paper, and planar ones outside the arena. The noise of a beam depends on
-    `rng` and on its row alone. A lidar with imperfections (see `Lidar`) reads through its
-    footprints, loses returns and moves within a turn; then the scan has the truth of each beam
-    beside it, and its `sigma` is that of each beam where noise grows with range or incidence. No
-    `sigma` holds for mixed pixels, nor for what a moving sensor distorts. Its readings are the same
-    at any `n_jobs`; on another processor NumPy's functions may round the last digit differently.
+    sensor's resolution. A `DepthCamera` does so with depths. A beam without return stays without
+    return. Poses inside a solid are passed over, as in the paper, and planar ones outside the
+    arena. The noise of a beam depends on `rng` and on its row alone. A lidar with imperfections
+    (see `Lidar`) reads through its footprints, loses returns and moves within a turn; then the scan
+    has the truth of each beam beside it, and its `sigma` is that of each beam where noise grows
+    with range or incidence. No `sigma` holds for mixed pixels, nor for what a moving sensor
+    distorts. Its readings are the same at any `n_jobs`; on another processor NumPy's functions may
+    round the last digit differently.
 
     Parameters
     ----------
     world : World
     path : (n, 3) or (3,) or (n, 4, 4) or (4, 4) float64
-        Planar poses of the robot (x, y in metres, yaw in radians), to which the lidar's mount is
+        Planar poses of the robot (x, y in metres, yaw in radians), to which the sensor's mount is
         added, or rigid transforms ``T_world_sensor``.
-    lidar : Lidar or None
-        None for `Lidar()`.
+    lidar : Sensor or None
+        A `Lidar`, a `DepthCamera` or another `Sensor`; None for `Lidar()`.
     rng : None, int or numpy.random.Generator
         Same `rng`, same scan, at any number of threads.
     pose_noise : (position, heading), (x, y, heading) or None, metres and radians
@@ -76,7 +78,8 @@ def scan(
     -------
     Scan
         One row a beam: pose by pose, layer by layer, column by column. Takes 40 bytes a beam, and
-        72 more when origins, directions and places in the sensor have been asked for.
+        72 more when origins, directions and places in the sensor have been asked for; of a camera
+        32 more when depths, `sigma` and limits have been.
 
     Raises
     ------
@@ -99,7 +102,7 @@ def scan(
     """
     instance("world", world, World)
     lidar = Lidar() if lidar is None else lidar
-    instance("lidar", lidar, Lidar)
+    instance("lidar", lidar, Sensor)
     poses, planar = as_transforms(path, lidar)
     sigmas = _noise_of_poses(pose_noise, step_noise, planar)
     inside_arena = planar is not None
@@ -125,10 +128,10 @@ def scan(
     n_poses, n_beams = len(transforms), len(beams)
     at_once = max(1, _BEAMS_AT_ONCE // n_beams)
     seed = int(rng.integers(1 << 64, dtype=np.uint64))
-    sigma: float | Floats = lidar.sigma
+    measured: dict[str, Any] = {}
     truth: dict[str, Any] = {}
     with reporting(progress, n_poses, "pose") as tell:
-        if lidar.is_perfect:
+        if not isinstance(lidar, Lidar) or lidar.is_perfect:
             points, ranges, ids = _cast(world, lidar, transforms, at_once, seed, n_jobs, tell)
         else:
             turns = partial(
@@ -141,7 +144,7 @@ def scan(
                 readings.solid_index,
             )
             if lidar.noise_per_metre or lidar.beam_divergence:
-                sigma = readings.sigma
+                measured = {"sigma": readings.sigma}
             truth = {name: getattr(readings, name) for name in TRUTHS}
     believed = planar
     if planar is not None and sigmas is not None:
@@ -165,28 +168,25 @@ def scan(
         column=partial(np.tile, np.arange(columns), n_poses * layers),
         pose_index=partial(np.repeat, valid, n_beams),
         solid_index=ids,
-        sigma=sigma,
-        min_range=lidar.min_range,
-        max_range=lidar.max_range,
         path=believed,
         true_path=planar,
+        **(_measured(lidar, ranges) | measured),
         **truth,
     )
 
 
 def _cast(
     world: World,
-    lidar: Lidar,
+    sensor: Sensor,
     transforms: Floats,
     at_once: int,
     seed: int,
     n_jobs: int | None,
     tell: Callable[[int], None],
 ) -> tuple[Floats, Floats, Ints]:
-    """Points, ranges and what is met by the beams of a perfect lidar from poses (p, 16)."""
+    """Points, ranges and what is met by the beams of a sensor from poses (p, 16)."""
     caster = RayCaster(world)._core
-    beams = lidar.directions.reshape(-1, 3)
-    gate = (lidar.min_range, lidar.max_range, lidar.noise * lidar.max_range, lidar.resolution)
+    beams, gate = np.ascontiguousarray(sensor.directions.reshape(-1, 3)), sensor.gate
     n_poses, n_beams = len(transforms), len(beams)
     n = n_poses * n_beams
     points, ranges, ids = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
@@ -197,6 +197,37 @@ def _cast(
         caster.scan(some, beams, gate, (seed, rows.start), *out, n_jobs)
         tell(first + len(some))
     return points, ranges, ids
+
+
+def _measured(sensor: Sensor, ranges: Floats) -> dict[str, Any]:
+    """What a scan says of how a sensor measures each beam, of images when it is asked for."""
+    images = ranges.reshape(-1, *sensor.directions.shape[:2])
+    later = {
+        "sigma": partial(_sigma, sensor, images),
+        "min_range": partial(_limit, sensor, 0, images),
+        "max_range": partial(_limit, sensor, 1, images),
+    }
+    if isinstance(sensor.gate, RangeGate):
+        return {name: value() for name, value in later.items()}
+    return {**later, "depths": partial(_depths, sensor, images)}
+
+
+def _sigma(sensor: Sensor, images: Floats) -> float | Floats:
+    return _of_beams(sensor.sigma_of(images), images)
+
+
+def _limit(sensor: Sensor, which: int, images: Floats) -> float | Floats:
+    return _of_beams(sensor.limits[which], images)
+
+
+def _depths(sensor: Sensor, images: Floats) -> Floats:
+    depths: Floats = (images * sensor.directions[..., 2]).ravel()
+    return depths
+
+
+def _of_beams(values: float | Floats, images: Floats) -> float | Floats:
+    """One number for all beams of images, or those of each (n,)."""
+    return np.broadcast_to(values, images.shape).ravel() if np.ndim(values) else values
 
 
 def _in_turn(some: slice, *, path: Floats, used: Ints, lidar: Lidar) -> Floats:
@@ -244,7 +275,7 @@ def _noise_of_poses(
     return as_pose_sigmas(name, noise)
 
 
-def as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, Floats | None]:
+def as_transforms(path: ArrayLike, lidar: Sensor) -> tuple[Floats, Floats | None]:
     """Sensor poses (n, 4, 4), and the path (n, 3) of the robot if it is planar."""
     try:
         array = np.asarray(path, dtype=np.float64)
@@ -269,7 +300,7 @@ def as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, Floats | None]
     return _mounted(array, lidar), np.array(array)
 
 
-def _mounted(path: Floats, lidar: Lidar) -> Floats:
+def _mounted(path: Floats, lidar: Sensor) -> Floats:
     """Sensor poses (n, 4, 4) of a robot on a planar path (n, 3)."""
     x, y, yaw = path.T
     robots = np.tile(np.eye(4), (len(path), 1, 1))

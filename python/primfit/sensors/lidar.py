@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from primfit._check import Floats, as_floats, integer, number
 from primfit.sensors.lidar_presets import LidarPresets
 from primfit.sensors.mounts import as_mount
+from primfit.sensors.sensor import RangeGate, Sensor
 
 _MOST_BEAMS = 100_000
 """Layers, or columns, of a sensor."""
@@ -23,7 +24,7 @@ not stand for them."""
 
 
 @dataclass(frozen=True, eq=False)
-class Lidar(LidarPresets):
+class Lidar(LidarPresets, Sensor):
     """A LiDAR in the terms of the Webots `Lidar` node.
 
     The defaults are the sensor of the reference on which primfit is measured; `Lidar.paper` is the
@@ -207,18 +208,6 @@ class Lidar(LidarPresets):
         ):
             object.__setattr__(self, name, value)
 
-    def _key(self) -> tuple[Any, ...]:
-        arrays = ("mount", "beams")
-        plain = (getattr(self, each.name) for each in fields(self) if each.name not in arrays)
-        beams = None if self.beams is None else self.beams.tobytes()
-        return (*plain, self.mount.tobytes(), beams)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Lidar) and self._key() == other._key()
-
-    def __hash__(self) -> int:
-        return hash(self._key())
-
     @classmethod
     def from_webots(cls, file: str | PathLike[str]) -> Lidar:
         """The first lidar of a world of Webots (.wbt), with its mount in the frame of its robot.
@@ -258,6 +247,23 @@ class Lidar(LidarPresets):
             ],
             axis=-1,
         )
+
+    @property
+    def gate(self) -> RangeGate:
+        """How true ranges become readings, but for imperfections."""
+        return RangeGate(
+            min_range=self.min_range,
+            max_range=self.max_range,
+            sigma=self.noise * self.max_range,
+            resolution=self.resolution,
+        )
+
+    def sigma_of(self, ranges: Floats) -> float | Floats:
+        """Standard deviation of all ranges, or (..., layers, columns) where it grows with them.
+
+        That of incidence is not in them: see `sigma_at`.
+        """
+        return self.sigma_at(ranges) if self.noise_per_metre else self.sigma
 
     @property
     def is_perfect(self) -> bool:

@@ -1,0 +1,411 @@
+"""Depth cameras: a pinhole whose pixels measure how far what they see is along the optical axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from primfit._check import Floats, integer, number
+from primfit.sensors.mounts import as_mount
+from primfit.sensors.pinhole import Pinhole, depths_of
+from primfit.sensors.sensor import DepthGate, Sensor
+
+if TYPE_CHECKING:
+    from primfit.scans.scan import Scan
+
+OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Rotation from a camera's frame (x right, y down, z forward) to one with x forward, y left and z
+up (ROS REP 103)."""
+
+_MILLIMETRE = 0.001
+"""Unit of depth images of whole numbers, metres (ROS REP 118)."""
+
+_MOST_PIXELS = 20_000
+"""Rows, or columns, of an image."""
+
+
+@dataclass(frozen=True, eq=False)
+class DepthCamera(Sensor):
+    """A depth camera: structured light, stereo, time of flight, or rendered.
+
+    Its frame is that of images: x to the right, y down, z forward. What is measured, limited and
+    rounded is the depth along z; ranges of a scan are along the beams, as everywhere, and
+    `Scan.image` gives depths again.
+
+    Parameters
+    ----------
+    width, height : int, pixels
+    fx, fy : float, pixels
+        Focal lengths. A negative `fy` is that of an image upside down.
+    cx, cy : float or None, pixels
+        Principal point; the centre of the first pixel is (0, 0). None is the middle of the image.
+    min_depth, max_depth : float, metres
+        A true depth outside gives no return.
+    axial_noise : float or (a, b, c)
+        Standard deviation of a depth z, metres: ``a + b * (z - c)**2``; a number is the same at
+        all depths.
+    baseline : float, metres
+        How far to the right of the camera its second eye is, a projector or another camera;
+        negative to the left, 0 for none. With it the depth z has the disparity
+        ``fx * baseline / z``.
+    disparity_noise : float, pixels
+        Standard deviation of a disparity, to first order ``z**2 / (fx * baseline)`` times it of
+        the depth; its variance adds to that of `axial_noise`.
+    disparity_step : float, pixels
+        Step to which disparities are rounded; 0 for none. Steps in depth grow as its square.
+    shadow : bool
+        Whether pixels are lost where the second eye is hidden from what they see: beside near
+        things, on the side away from it. What the camera does not see hides nothing.
+    stereo : bool
+        Whether the second eye is a camera with the same image, outside of which points have no
+        depth: on the other side than the eye, as many columns as they have disparity.
+    resolution : float, metres
+        Step to which depths are rounded; -1 for none.
+    mount : (3,) or (4, 4)
+        Where the camera sits in the robot's frame: a place in metres, from where it looks forward,
+        or a rigid transform ``T_robot_sensor`` of the frame of its images.
+
+    Raises
+    ------
+    ValueError
+        When such a camera cannot exist.
+
+    Examples
+    --------
+    >>> import primfit
+    >>> camera = primfit.DepthCamera(64, 48, 60.0, 60.0, max_depth=3.0)
+    >>> world = primfit.World(arena=primfit.Arena((2, 2)))
+    >>> scan = primfit.scan(world, (0.5, 1.0, 0.0), camera, rng=7)
+    >>> float(scan.image("depth")[0, 24, 32].round(9))
+    1.5
+    """
+
+    width: int = 640
+    height: int = 480
+    fx: float = 525.0
+    fy: float = 525.0
+    cx: Any = None
+    cy: Any = None
+    min_depth: float = 0.1
+    max_depth: float = 10.0
+    axial_noise: Any = 0.0
+    baseline: float = 0.0
+    disparity_noise: float = 0.0
+    disparity_step: float = 0.0
+    shadow: bool = False
+    stereo: bool = False
+    resolution: float = -1.0
+    mount: Any = field(default=(0.0, 0.0, 0.06), repr=False)
+
+    def __post_init__(self) -> None:
+        checked: dict[str, Any] = {}
+        for name in ("width", "height"):
+            checked[name] = integer(name, getattr(self, name), low=1, high=_MOST_PIXELS)
+        middle = {"cx": (checked["width"] - 1) / 2, "cy": (checked["height"] - 1) / 2}
+        center = {
+            name: middle[name] if getattr(self, name) is None else getattr(self, name)
+            for name in middle
+        }
+        pinhole = Pinhole(self.fx, self.fy, **center)
+        checked |= vars(pinhole)
+        if pinhole.fx < 0.0:
+            raise ValueError(f"fx must be positive, not {self.fx!r}: columns go to the right")
+        checked["min_depth"] = number("min_depth", self.min_depth, low=0.0)
+        checked["max_depth"] = number("max_depth", self.max_depth, above=0.0)
+        if checked["min_depth"] >= checked["max_depth"]:
+            raise ValueError(
+                f"min_depth must be less than max_depth={checked['max_depth']:g}, not "
+                f"{self.min_depth!r}"
+            )
+        checked["axial_noise"] = _as_noise(self.axial_noise)
+        checked["baseline"] = number("baseline", self.baseline)
+        for name in ("disparity_noise", "disparity_step"):
+            checked[name] = number(name, getattr(self, name), low=0.0)
+        for name in ("disparity_noise", "disparity_step", "shadow", "stereo"):
+            if getattr(self, name) and checked["baseline"] == 0.0:
+                raise ValueError(
+                    f"baseline must not be 0 with {name}={getattr(self, name)!r}: there is no "
+                    f"disparity"
+                )
+        for name in ("shadow", "stereo"):
+            if not isinstance(getattr(self, name), bool | np.bool_):
+                raise TypeError(f"{name} must be True or False, not {getattr(self, name)!r}")
+            checked[name] = bool(getattr(self, name))
+        resolution = checked["resolution"] = number("resolution", self.resolution)
+        if resolution != -1.0 and resolution <= 0.0:
+            raise ValueError(f"resolution must be positive, or -1 for none, not {resolution!r}")
+        checked["mount"] = as_mount(self.mount)
+        if np.shape(self.mount) != (4, 4):
+            checked["mount"][:3, :3] = OPTICAL
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def kinect(cls, *, mount: ArrayLike = (0.0, 0.0, 0.06), **changes: Any) -> Self:
+        """A Kinect of the first generation: 640 x 480 pixels over 57 degrees, 0.8 to 4 m.
+
+        Limits are those of its default mode (Microsoft: Near Mode, what it is and isn't, 2012;
+        0.4 to 3 m in near mode), the field of view is Microsoft's. Noise is
+        ``0.0012 + 0.0019 * (z - 0.4)**2``, measured head-on with all that disturbs a depth (Nguyen,
+        Izadi, Lovell: Modeling Kinect Sensor Noise, 3DIMPVT 2012), so with the steps, which are
+        added here: together they are at most a seventh too much, never too little. The base
+        of 75 mm and steps of an eighth of a pixel are those of the simulator of Handa et al. (A
+        benchmark for RGB-D visual odometry, ICRA 2014). That the projector is on the right of the
+        camera, so that shadows are to the left of things, is from memory.
+
+        Parameters
+        ----------
+        mount
+            Where it sits, as everywhere.
+        **changes
+            Parameters of `DepthCamera` that differ, such as ``shadow=False``.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> camera = primfit.DepthCamera.kinect()
+        >>> camera.width, camera.max_depth, round(camera.fx, 1)
+        (640, 4.0, 589.4)
+        """
+        sheet = _focal(640, np.radians(57.0)) | {
+            "height": 480,
+            "min_depth": 0.8,
+            "max_depth": 4.0,
+            "axial_noise": (0.0012, 0.0019, 0.4),
+            "baseline": 0.075,
+            "disparity_step": 0.125,
+            "shadow": True,
+        }
+        return cls(**(sheet | {"mount": mount} | changes))
+
+    @classmethod
+    def realsense_d435(cls, *, mount: ArrayLike = (0.0, 0.0, 0.06), **changes: Any) -> Self:
+        """An Intel RealSense D435: stereo of 848 x 480 pixels over 90 degrees, 0.3 to 3 m.
+
+        The image at which it works best, its field of view, its base of 50 mm and a standard
+        deviation of 0.08 pixels of the disparity are those by which its makers draw its error
+        (Grunnet-Jepsen, Sweetser, Woodfill: Tuning depth cameras for best performance; a target
+        with good texture), steps of 1/32 pixel theirs, too (Subpixel linearity improvement). Limits
+        are the range that Intel calls ideal; it measures to 10 m and more. The left camera is the
+        image, so the second eye is on the right.
+
+        Parameters
+        ----------
+        mount, **changes
+            As of `DepthCamera.kinect`.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> camera = primfit.DepthCamera.realsense_d435()
+        >>> camera.width, round(camera.fx, 1), camera.disparity_noise
+        (848, 424.0, 0.08)
+        """
+        sheet = _focal(848, np.radians(90.0)) | {
+            "height": 480,
+            "min_depth": 0.3,
+            "max_depth": 3.0,
+            "baseline": 0.05,
+            "disparity_noise": 0.08,
+            "disparity_step": 1 / 32,
+            "shadow": True,
+            "stereo": True,
+        }
+        return cls(**(sheet | {"mount": mount} | changes))
+
+    @classmethod
+    def range_finder(
+        cls,
+        *,
+        field_of_view: float = 0.7854,
+        width: int = 64,
+        height: int = 64,
+        min_range: float = 0.01,
+        max_range: float = 1.0,
+        noise: float = 0.0,
+        resolution: float = -1.0,
+        mount: ArrayLike = (0.0, 0.0, 0.06),
+    ) -> Self:
+        """The node `RangeFinder` of Webots, with its fields and their defaults.
+
+        Its documentation (R2023b): pixels are square, `min_range` and `max_range` are depths, and
+        noise and resolution are those of depths. Not its spherical projection, motion blur and
+        lens.
+
+        Parameters
+        ----------
+        field_of_view : float, radians
+            Horizontal, less than pi.
+        width, height : int, pixels
+        min_range, max_range : float, metres
+        noise : float
+            Standard deviation as a fraction of `max_range`.
+        resolution : float, metres
+            Step of depths; -1 for none.
+        mount
+            As everywhere.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> camera = primfit.DepthCamera.range_finder(noise=0.01, max_range=2.0)
+        >>> camera.axial_noise[0], camera.directions.shape
+        (0.02, (64, 64, 3))
+        """
+        angle = number("field_of_view", field_of_view, above=0.0)
+        if angle >= np.pi:
+            raise ValueError(f"field_of_view must be less than pi radians, not {field_of_view!r}")
+        columns = integer("width", width, low=1, high=_MOST_PIXELS)
+        farthest = number("max_range", max_range, above=0.0)
+        nearest = number("min_range", min_range, low=0.0)
+        if nearest >= farthest:
+            raise ValueError(
+                f"min_range must be less than max_range={farthest:g}, not {min_range!r}"
+            )
+        return cls(
+            **_focal(columns, angle),
+            height=height,
+            min_depth=nearest,
+            max_depth=farthest,
+            axial_noise=number("noise", noise, low=0.0) * farthest,
+            resolution=resolution,
+            mount=mount,
+        )
+
+    @property
+    def directions(self) -> Floats:
+        """Unit directions (height, width, 3) of the pixels: x right, y down, z forward."""
+        return self._directions
+
+    @property
+    def gate(self) -> DepthGate:
+        """How true depths become readings."""
+        return DepthGate(
+            min_depth=self.min_depth,
+            max_depth=self.max_depth,
+            sigma=self.axial_noise,
+            resolution=self.resolution,
+            width=self.width,
+            disparity=self.fx * self.baseline,
+            disparity_noise=self.disparity_noise,
+            disparity_step=self.disparity_step,
+            shadow=self.shadow,
+            stereo=self.stereo,
+        )
+
+    def sigma_at(self, depths: ArrayLike) -> Floats:
+        """Standard deviations of depths, metres: noise and rounding together.
+
+        Parameters
+        ----------
+        depths : (...) float64, metres
+            Those beyond the limits, and inf for no return, are taken as at the limits.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> primfit.DepthCamera(axial_noise=(0.001, 0.002, 0.4)).sigma_at([0.4, 1.4])
+        array([0.001, 0.003])
+        """
+        z = np.clip(np.asarray(depths, dtype=np.float64), self.min_depth, self.max_depth)
+        constant, square, offset = self.axial_noise
+        variance = (constant + square * (z - offset) ** 2) ** 2
+        variance += max(self.resolution, 0.0) ** 2 / 12.0
+        if self.baseline:
+            # A disparity d changes by dz d / z.
+            pixels = self.disparity_noise**2 + self.disparity_step**2 / 12.0
+            variance += pixels * (z * z / (self.fx * self.baseline)) ** 2
+        return np.sqrt(variance)
+
+    def sigma_of(self, ranges: Floats) -> Floats:
+        """Standard deviations of ranges (..., height, width) along the beams, metres."""
+        cosines = self.directions[..., 2]
+        return self.sigma_at(ranges * cosines) / cosines
+
+    def scan(
+        self, depth_images: ArrayLike, poses: ArrayLike | None = None, *, scale: float | None = None
+    ) -> Scan:
+        """The scan of depth images that such a camera has recorded.
+
+        Parameters
+        ----------
+        depth_images : (height, width) or (p, height, width) array of numbers
+            Distances along the optical axis. Pixels that are zero, negative or not finite are no
+            returns.
+        poses : (p, 4, 4), (4, 4), (p, 3), (3,) or None
+            Where each was taken: transforms ``T_world_sensor`` of the frame of images, as sets of
+            images have them, or planar poses of a robot, to which `mount` is added. None, for one
+            image, is the frame of the camera itself.
+        scale : float or None, metres
+            Length of one unit: 1 / 5000 in the TUM set. None is a millimetre where images hold
+            whole numbers, else a metre.
+
+        Returns
+        -------
+        Scan
+            With the limits and the standard deviation of each beam, where the camera has any
+            noise.
+
+        Raises
+        ------
+        ValueError
+            When images are not as large as those of the camera, or there is not one a pose.
+
+        Examples
+        --------
+        >>> import numpy as np, primfit
+        >>> camera = primfit.DepthCamera.kinect()
+        >>> camera.scan(np.full((480, 640), 1500, dtype=np.uint16))
+        Scan(307200 beams from 1 pose, 307200 returns, sigma 5.15877 mm)
+        """
+        from primfit.scans.scan import Scan
+
+        images = np.asarray(depth_images)
+        size = (self.height, self.width)
+        if images.ndim not in (2, 3) or images.shape[-2:] != size:
+            raise ValueError(
+                f"depth_images must have shape {size} or (p, {self.height}, {self.width}), not "
+                f"{images.shape}"
+            )
+        images = images.reshape(-1, *size)
+        if poses is None:
+            if len(images) != 1:
+                raise ValueError(f"poses must be given, one for each of {len(images)} images")
+            poses = np.eye(4)
+        if scale is None:
+            scale = _MILLIMETRE if images.dtype.kind in "iu" else 1.0
+        depths = depths_of(images, scale, missing=np.inf)
+        return Scan.from_readings(poses, self, depths / self.directions[..., 2])
+
+    @cached_property
+    def _directions(self) -> Floats:
+        pinhole = Pinhole(self.fx, self.fy, self.cx, self.cy)
+        directions = pinhole.directions(self.width, self.height)
+        directions.flags.writeable = False
+        return directions
+
+
+def _focal(width: int, field_of_view: float) -> dict[str, Any]:
+    """Width and focal lengths of square pixels over a field of view, radians."""
+    focal = width / 2 / float(np.tan(field_of_view / 2))
+    return {"width": width, "fx": focal, "fy": focal}
+
+
+def _as_noise(noise: Any) -> tuple[float, float, float]:
+    """Constant, square and offset, metres."""
+    if np.ndim(noise) == 0:
+        return number("axial_noise", noise, low=0.0), 0.0, 0.0
+    if np.shape(noise) != (3,):
+        raise ValueError(
+            f"axial_noise must be a number or (constant, square, offset), not {noise!r}"
+        )
+    constant, square, offset = (number("axial_noise", each) for each in noise)
+    if constant < 0.0 or square < 0.0:
+        raise ValueError(
+            f"axial_noise must have a constant and square of at least 0, not {noise!r}"
+        )
+    return constant, square, offset
