@@ -61,7 +61,8 @@ class Scan(Shown):
     directions : (n, 3) float64
         Unit direction of the beam; NaN when the origin is not known.
     ranges : (n,) float64, metres
-        Measured range, noise included; inf for no return, NaN when the origin is not known.
+        Measured range, noise included; inf for no return, NaN when the origin is not known, or
+        where that nothing came back tells nothing (see `DepthCamera`).
     layer, column, pose_index : (n,) int64 or None
         Place of the beam in the sensor and of its pose in the path.
     solid_index : (n,) int64 or None
@@ -73,7 +74,7 @@ class Scan(Shown):
         Nearer than the first, and beyond the second, the sensor gets no return; None is not known.
         Those of each beam where they differ, as those of a camera's pixels do.
     depths : (n,) float64 or None, metres
-        Of a camera: measured distance along its optical axis; inf for no return.
+        Of a camera: measured distance along its optical axis; inf or NaN where the range is.
     path : (p, 3) float64 or None
         Poses of the robot as it believes them: x, y in metres and yaw in radians, row by
         `pose_index`; None where the sensor did not move in the plane, or they are not known.
@@ -336,7 +337,7 @@ class Scan(Shown):
 
     @property
     def is_blank(self) -> Bools:
-        """Which rows tell nothing (n,): no return, and no direction in which none came back."""
+        """Which rows tell nothing (n,): no return, and not that there is nothing to return from."""
         return ~self.is_return & np.isnan(self.ranges)
 
     @property
@@ -448,7 +449,8 @@ class Scan(Shown):
         -------
         images : (p, h, w) or (p, h, w, 3) array
             Pose by pose, layer by layer, column by column; as many of these as there are beams of.
-            No return is inf, of points NaN. Where the scan has no beam, NaN; of `solid_index` -1.
+            No return is inf, or NaN where that tells nothing, of points NaN. Where the scan has no
+            beam, NaN; of `solid_index` -1.
 
         Raises
         ------

@@ -121,28 +121,21 @@ def scan(
     warn_of_places(world)
     rng = generator(rng)
     n_jobs = n_jobs_or_none(n_jobs)
-    directions = lidar.directions
-    layers, columns, _ = directions.shape
-    beams = directions.reshape(-1, 3)
+    beams = np.ascontiguousarray(lidar.directions.reshape(-1, 3))
     transforms = np.ascontiguousarray(poses[valid].reshape(-1, 16))
     n_poses, n_beams = len(transforms), len(beams)
-    at_once = max(1, _BEAMS_AT_ONCE // n_beams)
     seed = int(rng.integers(1 << 64, dtype=np.uint64))
     measured: dict[str, Any] = {}
     truth: dict[str, Any] = {}
     with reporting(progress, n_poses, "pose") as tell:
         if not isinstance(lidar, Lidar) or lidar.is_perfect:
-            points, ranges, ids = _cast(world, lidar, transforms, at_once, seed, n_jobs, tell)
+            points, ranges, ids = _cast(world, lidar, transforms, seed, n_jobs, tell)
         else:
             turns = partial(
                 _in_turn, path=poses if planar is None else planar, used=valid, lidar=lidar
             )
             readings = read(world, lidar, turns, n_poses, seed, n_jobs, tell)
-            points, ranges, ids = (
-                np.empty((n_poses * n_beams, 3)),
-                readings.ranges,
-                readings.solid_index,
-            )
+            points, ranges, ids = None, readings.ranges, readings.solid_index
             if lidar.noise_per_metre or lidar.beam_divergence:
                 measured = {"sigma": readings.sigma}
             truth = {name: getattr(readings, name) for name in TRUTHS}
@@ -151,35 +144,63 @@ def scan(
         errors = misplaced if step_noise is None else drifted
         believed = carried_along(planar, valid, errors(planar[valid], sigmas, rng))
         transforms = _mounted(believed[valid], lidar).reshape(-1, 16)
-    if truth or believed is not planar:
-        for first in range(0, n_poses, at_once):
-            some = transforms[first : first + at_once]
-            rows = slice(first * n_beams, (first + len(some)) * n_beams)
-            starts = np.repeat(some[:, [3, 7, 11]], n_beams, axis=0)
-            is_return = np.isfinite(ranges[rows])
-            reach = np.where(is_return, ranges[rows], np.nan)[:, None]
-            points[rows] = starts + reach * _primfit.turned(some, beams)
-    return Scan(
+    if believed is not planar:
+        points = None
+    return scan_of(
+        lidar,
+        transforms,
+        ranges,
         points=points,
-        origins=partial(np.repeat, transforms[:, [3, 7, 11]], n_beams, axis=0),
-        directions=partial(_primfit.turned, transforms, beams),
-        ranges=ranges,
-        layer=partial(np.tile, np.repeat(np.arange(layers), columns), n_poses),
-        column=partial(np.tile, np.arange(columns), n_poses * layers),
         pose_index=partial(np.repeat, valid, n_beams),
         solid_index=ids,
         path=believed,
         true_path=planar,
-        **(_measured(lidar, ranges) | measured),
+        **measured,
         **truth,
     )
+
+
+def scan_of(
+    sensor: Sensor, transforms: Floats, ranges: Floats, *, points: Floats | None = None, **more: Any
+) -> Scan:
+    """The scan of what a sensor read (n,) from poses (p, 16), and of what else is known of it."""
+    poses = np.ascontiguousarray(transforms.reshape(-1, 16))
+    layers, columns, _ = sensor.directions.shape
+    beams = np.ascontiguousarray(sensor.directions.reshape(-1, 3))
+    n_poses, n_beams = len(poses), len(beams)
+    known = {
+        "pose_index": partial(np.repeat, np.arange(n_poses), n_beams),
+        **_measured(sensor, ranges),
+        **more,
+    }
+    return Scan(
+        points=_ends(poses, beams, ranges) if points is None else points,
+        origins=partial(np.repeat, poses[:, [3, 7, 11]], n_beams, axis=0),
+        directions=partial(_primfit.turned, poses, beams),
+        ranges=ranges,
+        layer=partial(np.tile, np.repeat(np.arange(layers), columns), n_poses),
+        column=partial(np.tile, np.arange(columns), n_poses * layers),
+        **known,
+    )
+
+
+def _ends(transforms: Floats, beams: Floats, ranges: Floats) -> Floats:
+    """Where beams (m, 3) from poses (p, 16) end (p * m, 3); NaN without a return."""
+    points, n_beams = np.empty((len(ranges), 3)), len(beams)
+    at_once = max(1, _BEAMS_AT_ONCE // n_beams)
+    for first in range(0, len(transforms), at_once):
+        some = transforms[first : first + at_once]
+        rows = slice(first * n_beams, (first + len(some)) * n_beams)
+        starts = np.repeat(some[:, [3, 7, 11]], n_beams, axis=0)
+        reach = np.where(np.isfinite(ranges[rows]), ranges[rows], np.nan)[:, None]
+        points[rows] = starts + reach * _primfit.turned(some, beams)
+    return points
 
 
 def _cast(
     world: World,
     sensor: Sensor,
     transforms: Floats,
-    at_once: int,
     seed: int,
     n_jobs: int | None,
     tell: Callable[[int], None],
@@ -188,6 +209,7 @@ def _cast(
     caster = RayCaster(world)._core
     beams, gate = np.ascontiguousarray(sensor.directions.reshape(-1, 3)), sensor.gate
     n_poses, n_beams = len(transforms), len(beams)
+    at_once = max(1, _BEAMS_AT_ONCE // n_beams)
     n = n_poses * n_beams
     points, ranges, ids = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
     for first in range(0, n_poses, at_once):

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit._check import Floats, integer, number
+from primfit._check import Floats, as_floats, integer, number
 from primfit.sensors.mounts import as_mount
 from primfit.sensors.pinhole import Pinhole, depths_of
 from primfit.sensors.sensor import DepthGate, Sensor
@@ -59,10 +59,13 @@ class DepthCamera(Sensor):
         Step to which disparities are rounded; 0 for none. Steps in depth grow as its square.
     shadow : bool
         Whether pixels are lost where the second eye is hidden from what they see: beside near
-        things, on the side away from it. What the camera does not see hides nothing.
+        things, on the side away from it. What the camera does not see hides nothing. A pixel
+        without depth may then have many reasons and tells nothing, not even that nothing was there:
+        its range is NaN instead of inf.
     stereo : bool
         Whether the second eye is a camera with the same image, outside of which points have no
-        depth: on the other side than the eye, as many columns as they have disparity.
+        depth: on the other side than the eye, as many columns as they have disparity. They tell
+        nothing, either.
     resolution : float, metres
         Step to which depths are rounded; -1 for none.
     mount : (3,) or (4, 4)
@@ -303,7 +306,7 @@ class DepthCamera(Sensor):
         Parameters
         ----------
         depths : (...) float64, metres
-            Those beyond the limits, and inf for no return, are taken as at the limits.
+            Those beyond the limits, and no return, inf or NaN, are taken as at the limits.
 
         Examples
         --------
@@ -311,7 +314,9 @@ class DepthCamera(Sensor):
         >>> primfit.DepthCamera(axial_noise=(0.001, 0.002, 0.4)).sigma_at([0.4, 1.4])
         array([0.001, 0.003])
         """
-        z = np.clip(np.asarray(depths, dtype=np.float64), self.min_depth, self.max_depth)
+        given = as_floats("depths", depths)
+        known = np.where(np.isnan(given), self.max_depth, given)
+        z = np.clip(known, self.min_depth, self.max_depth)
         constant, square, offset = self.axial_noise
         variance = (constant + square * (z - offset) ** 2) ** 2
         variance += max(self.resolution, 0.0) ** 2 / 12.0
@@ -321,10 +326,13 @@ class DepthCamera(Sensor):
             variance += pixels * (z * z / (self.fx * self.baseline)) ** 2
         return np.sqrt(variance)
 
-    def sigma_of(self, ranges: Floats) -> Floats:
-        """Standard deviations of ranges (..., height, width) along the beams, metres."""
+    def sigma_of(self, ranges: Floats) -> float | Floats:
+        """Standard deviations of ranges (..., height, width) along the beams, metres.
+
+        No return has that of the farthest depth.
+        """
         cosines = self.directions[..., 2]
-        return self.sigma_at(ranges * cosines) / cosines
+        return self.sigma_at(ranges * cosines) / cosines if self.has_noise else 0.0
 
     def scan(
         self, depth_images: ArrayLike, poses: ArrayLike | None = None, *, scale: float | None = None
@@ -334,8 +342,8 @@ class DepthCamera(Sensor):
         Parameters
         ----------
         depth_images : (height, width) or (p, height, width) array of numbers
-            Distances along the optical axis. Pixels that are zero, negative or not finite are no
-            returns.
+            Distances along the optical axis. Pixels that are zero, negative or not finite have no
+            return; with `shadow` or `stereo` they tell nothing.
         poses : (p, 4, 4), (4, 4), (p, 3), (3,) or None
             Where each was taken: transforms ``T_world_sensor`` of the frame of images, as sets of
             images have them, or planar poses of a robot, to which `mount` is added. None, for one
@@ -362,7 +370,7 @@ class DepthCamera(Sensor):
         >>> camera.scan(np.full((480, 640), 1500, dtype=np.uint16))
         Scan(307200 beams from 1 pose, 307200 returns, sigma 5.15877 mm)
         """
-        from primfit.scans.scan import Scan
+        from primfit.scans.scanning import as_transforms, scan_of
 
         images = np.asarray(depth_images)
         size = (self.height, self.width)
@@ -378,8 +386,20 @@ class DepthCamera(Sensor):
             poses = np.eye(4)
         if scale is None:
             scale = _MILLIMETRE if images.dtype.kind in "iu" else 1.0
-        depths = depths_of(images, scale, missing=np.inf)
-        return Scan.from_readings(poses, self, depths / self.directions[..., 2])
+        transforms, planar = as_transforms(poses, self)
+        if len(transforms) != len(images):
+            raise ValueError(
+                f"poses must be one for each of {len(images)} images, not {len(transforms)}"
+            )
+        missing = np.nan if self.shadow or self.stereo else np.inf
+        ranges = (depths_of(images, scale, missing=missing) / self.directions[..., 2]).ravel()
+        scan = scan_of(self, transforms, ranges, path=planar)
+        return scan if self.has_noise else replace(scan, sigma=None)
+
+    @property
+    def has_noise(self) -> bool:
+        """Whether any noise or step of it is known."""
+        return bool(np.any(self.sigma_at([self.min_depth, self.max_depth])))
 
     @cached_property
     def _directions(self) -> Floats:

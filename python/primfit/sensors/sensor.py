@@ -57,7 +57,8 @@ class DepthGate:
     shadow : bool
         Whether there is no reading where something hides a point from the second eye.
     stereo : bool
-        Whether there is no reading of points outside the image of the second eye.
+        Whether there is no reading of points outside the image of the second eye. With either, a
+        pixel without reading tells nothing: its range is NaN, not inf.
     """
 
     min_depth: float

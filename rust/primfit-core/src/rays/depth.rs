@@ -38,16 +38,20 @@ pub struct Eye {
     pub sigma: f64,
     /// Step to which disparities are rounded, pixels; none when not positive.
     pub step: f64,
-    /// Whether there is no reading where something hides a point from the eye.
+    /// Whether there is no reading where something hides a point from the eye; then no reading tells
+    /// nothing, and is NaN.
     pub has_shadow: bool,
     /// Whether there is no reading of points outside an image of the eye as wide as that of the
-    /// camera.
+    /// camera; then no reading tells nothing, either.
     pub is_camera: bool,
 }
 
 impl DepthGate {
     /// Turns true ranges of images, pose by pose, into readings, and sets their points. The first
     /// beam has the number `first`.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] when the caller does not want to go on.
     pub(super) fn read(
         &self,
         poses: &[Transform],
@@ -91,10 +95,12 @@ impl DepthGate {
             beams.iter().zip(ranges.iter()).map(|(beam, range)| range * beam[2]).collect();
         let is_seen = self.eye.sees(&depths);
         let has_noise = self.sigma_of(self.min_depth) > 0.0 || self.sigma_of(self.max_depth) > 0.0;
+        // Without the second eye there is no depth, whether something is there or not.
+        let missing = if is_seen.is_some() { f64::NAN } else { f64::INFINITY };
         for (i, depth) in depths.iter_mut().enumerate() {
             let is_within = *depth >= self.min_depth && *depth <= self.max_depth;
             if !(is_within && is_seen.as_ref().is_none_or(|is_seen| is_seen[i])) {
-                *depth = f64::INFINITY;
+                *depth = missing;
                 continue;
             }
             if has_noise {
@@ -104,9 +110,9 @@ impl DepthGate {
             if self.resolution > 0.0 {
                 *depth = rounded(*depth, self.resolution);
             }
-            // No camera says so of what it sees.
-            if *depth <= 0.0 {
-                *depth = f64::INFINITY;
+            // No image says so of what the camera sees.
+            if *depth <= 0.0 || *depth == f64::INFINITY {
+                *depth = missing;
             }
         }
         for (i, beam) in beams.iter().enumerate() {
