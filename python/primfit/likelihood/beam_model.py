@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -72,6 +72,11 @@ class BeamModel:
     def dropout_cost(self) -> float:
         """What a beam costs that should return and does not."""
         return float(-np.log(max(self.dropouts, self.settings.rare)))
+
+    def of_beams(self, rows: Any) -> BeamModel:
+        """How some beams err."""
+        each = None if self.beam_limits is None else self.beam_limits[:, rows]
+        return replace(self, sigma=self.sigma[rows], beam_limits=each)
 
     def is_visible(self, expected: Floats, rows: Any = slice(None)) -> Bools:
         """Which true ranges of some beams give a return."""

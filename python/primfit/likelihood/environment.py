@@ -59,18 +59,16 @@ def initial_scene(
     longest = settings.noise.range_margin * float(np.quantile(ranges, 0.999))
     longest += settings.noise.contamination_sigmas * float(np.median(sigma))
     shortest = max(float(np.quantile(ranges, 0.001)), 0.0)
-    nearest = shortest if scan.min_range is None else scan.min_range
-    farthest = longest if scan.max_range is None else np.minimum(longest, scan.max_range)
-    limits = None
-    if np.ndim(nearest) or np.ndim(farthest):
-        limits = np.stack([np.broadcast_to(each, len(scan)) for each in (nearest, farthest)])
-    shortest, longest = float(np.min(nearest)), float(np.max(farthest))
+    if scan.min_range is not None:
+        shortest = float(np.min(scan.min_range))
+    if scan.max_range is not None:
+        longest = min(longest, float(np.max(scan.max_range)))
     sigmas = np.maximum(np.broadcast_to(sigma, len(scan)), settings.noise.least_sigma * longest)
     model = BeamModel(
         sigma=sigmas,
         min_range=shortest,
         max_range=longest,
-        beam_limits=limits,
+        beam_limits=limits_of(scan, shortest, longest),
         settings=settings.noise,
     )
     floor_z = find_floor(scan, model)
@@ -83,6 +81,19 @@ def initial_scene(
         n_jobs=n_jobs,
     )
     return scene, floor_z is not None
+
+
+def limits_of(scan: Scan, shortest: float, longest: float) -> Floats | None:
+    """Limits (2, n) of the ranges of each beam, up to `longest`; None where all beams share them.
+
+    Where a limit is not known, it is the given one.
+    """
+    nearest, farthest = scan.min_range, scan.max_range
+    if not (isinstance(nearest, np.ndarray) or isinstance(farthest, np.ndarray)):
+        return None
+    low = shortest if nearest is None else nearest
+    high = longest if farthest is None else np.minimum(longest, farthest)
+    return np.stack([np.broadcast_to(each, len(scan)) for each in (low, high)])
 
 
 def find_floor(scan: Scan, model: BeamModel) -> float | None:
