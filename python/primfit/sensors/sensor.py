@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from primfit._check import Floats
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,13 +118,13 @@ class Sensor(ABC):
         cosines = self.directions[..., 2]
         return gate.min_depth / cosines, gate.max_depth / cosines
 
-    def _key(self: DataclassInstance) -> tuple[Any, ...]:
-        values = (getattr(self, each.name) for each in fields(self))
+    def _key(self) -> tuple[Any, ...]:
+        values = (getattr(self, each.name) for each in fields(self))  # type: ignore[arg-type]
         plain = (each.tobytes() if isinstance(each, np.ndarray) else each for each in values)
         return (type(self), *plain)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Sensor) and self._key() == other._key()  # type: ignore[misc]
+        return isinstance(other, Sensor) and self._key() == other._key()
 
     def __hash__(self) -> int:
-        return hash(self._key())  # type: ignore[misc]
+        return hash(self._key())
