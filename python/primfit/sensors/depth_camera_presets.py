@@ -20,14 +20,14 @@ class DepthCameraPresets:
     def kinect(cls, *, mount: ArrayLike = (0.0, 0.0, 0.06), **changes: Any) -> Self:
         """A Kinect of the first generation: 640 x 480 pixels over 57 degrees, 0.8 to 4 m.
 
-        Limits are those of its default mode (Microsoft: Near Mode, what it is and isn't, 2012;
-        0.4 to 3 m in near mode), the field of view is Microsoft's. Noise is
-        ``0.0012 + 0.0019 * (z - 0.4)**2``, measured head-on with all that disturbs a depth (Nguyen,
-        Izadi, Lovell: Modeling Kinect Sensor Noise, 3DIMPVT 2012), so with the steps, which are
-        added here: together they are at most a seventh too much, never too little. The base
-        of 75 mm and steps of an eighth of a pixel are those of the simulator SimKinect (after Handa
-        et al.: A benchmark for RGB-D visual odometry, ICRA 2014). That the projector is on the right of the
-        camera, so that shadows are to the left of things, is from memory.
+        Limits are those of its default mode (Microsoft: Near Mode, what it is and isn't, 2012; 0.4
+        to 3 m in near mode), the field of view is Microsoft's. Noise is ``0.0012 + 0.0019 * (z -
+        0.4)**2``, measured head-on with all that disturbs a depth (Nguyen, Izadi, Lovell: Modeling
+        Kinect Sensor Noise, 3DIMPVT 2012), so with the steps, which are added here: together they
+        are at most a seventh too much, never too little. The base of 75 mm and steps of an eighth
+        of a pixel are those of the simulator SimKinect (after Handa et al.: A benchmark for RGB-D
+        visual odometry, ICRA 2014). That the projector is on the right of the camera, so that
+        shadows are to the left of things, is from memory.
 
         Parameters
         ----------
