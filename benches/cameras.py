@@ -49,8 +49,8 @@ SMALL = {
         "stereo": True,
     },
 }
-"""Cameras of an eighth of the pixels of a row of a Kinect, or a fifth of a D435's: disparities in
-pixels are as much smaller, depths as good."""
+"""Cameras whose focal length in pixels is an eighth of a Kinect's, or less than a fifth of a D435's:
+disparities in pixels are divided by 8 and 5, so that depths are as noisy, or a little more."""
 
 
 def small(name: str) -> primfit.DepthCamera:

@@ -282,6 +282,16 @@ class TestRecorded:
         np.testing.assert_array_equal(found.labels, same.labels)
         np.testing.assert_allclose(found.equations, same.equations, atol=1e-9)
 
+    def test_ranges_that_were_logged(self, images):
+        sensor, poses, scan = images
+        ranges = scan.image("range")
+        ranges[0, 3, :5] = np.nan
+        logged = primfit.Scan.from_readings(poses, sensor, ranges)
+        rows = np.flatnonzero(~np.isnan(ranges.ravel()))
+        assert len(logged) == len(scan) - 5
+        for name in ("depths", "sigma", "min_range", "max_range", "layer", "column"):
+            np.testing.assert_allclose(getattr(logged, name), getattr(scan, name)[rows], rtol=1e-12)
+
     def test_errors(self, images):
         sensor, poses, scan = images
         depth = scan.image("depth")
