@@ -56,6 +56,13 @@ def run(job: Job) -> dict:
     scan = primfit.scan(world, path, lidar, rng=rng)
     if job.without_sigma:
         scan = replace(scan, sigma=None)
+    is_bounded = job.single and job.noise and not job.without_sigma
+    bound = cramer_rao(scan, world) if is_bounded else np.nan
+    return judged(world, scan) | {"bound": bound}
+
+
+def judged(world, scan) -> dict:
+    """What is found of each solid, in CPU seconds on one thread."""
     start = time.process_time()
     found = primfit.detect(scan, rng=1, n_jobs=1)
     cpu = time.process_time() - start
@@ -75,9 +82,14 @@ def run(job: Job) -> dict:
                 "height_sigma": 1e3 * solid.height_sigma if solid else np.nan,
             }
         )
-    is_bounded = job.single and job.noise and not job.without_sigma
-    bound = cramer_rao(scan, world) if is_bounded else np.nan
-    return {"rows": rows, "spurious": len(report.spurious), "cpu": cpu, "bound": bound}
+    lost = found.settings["dropouts"]
+    return {
+        "rows": rows,
+        "spurious": len(report.spurious),
+        "cpu": cpu,
+        "bound": np.nan,
+        "lost": lost,
+    }
 
 
 def confidence(truth, solid) -> float:

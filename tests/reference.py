@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from primfit import _primfit
+from primfit.sensors.sensor import DepthGate
 
 PAIRS_AT_ONCE = 1 << 15
 
@@ -48,16 +49,51 @@ class RayCaster:
         return ranges, self.names[ids]
 
     def scan(self, poses, beams, gate, noise, points, ranges, ids, n_jobs=None):
-        low, high, sigma, resolution = gate
         directions = turned(poses, beams)
         origins = np.repeat(poses[:, [3, 7, 11]], len(beams), axis=0)
         true, ids[:] = self.cast(origins, directions)
         # As normal, but other numbers.
-        measured = true + sigma * np.random.default_rng(noise).standard_normal(len(true))
-        if resolution > 0:
-            measured = np.rint(measured / resolution) * resolution
-        ranges[:] = np.where((true >= low) & (true <= high), measured, np.inf)
+        normal = np.random.default_rng(noise).standard_normal(len(true))
+        if isinstance(gate, DepthGate):
+            cosines = np.tile(beams[:, 2], len(poses))
+            shape = (-1, gate.width)
+            rows = depth_readings((true * cosines).reshape(shape), gate, normal.reshape(shape))
+            ranges[:] = rows.ravel() / cosines
+        else:
+            measured = true + gate.sigma * normal
+            if gate.resolution > 0:
+                measured = np.rint(measured / gate.resolution) * gate.resolution
+            is_within = (true >= gate.min_range) & (true <= gate.max_range)
+            ranges[:] = np.where(is_within, measured, np.inf)
         points[:] = origins + directions * np.where(ranges < np.inf, ranges, np.nan)[:, None]
+
+
+def depth_readings(true, gate, normal):
+    """What rows of pixels (n, width) read of true depths, with standard normal numbers."""
+    a, b, c = gate.sigma
+    sigma = a + b * (true - c) ** 2
+    if gate.disparity:
+        sigma = np.hypot(sigma, gate.disparity_noise * true**2 / gate.disparity)
+    is_seen = (true >= gate.min_depth) & (true <= gate.max_depth)
+    if gate.disparity:
+        column = np.arange(gate.width)
+        place = column - gate.disparity / true
+        if gate.stereo:
+            is_seen &= (place >= -0.5) & (place <= gate.width - 0.5)
+        if gate.shadow:
+            # Something farther towards the eye that the eye sees farther from it, or as far.
+            towards = np.sign(gate.disparity) * (column[None] - column[:, None]) > 0
+            ahead = np.sign(gate.disparity) * (place[:, None] - place[:, :, None]) <= 0
+            is_seen &= ~(towards & ahead).any(axis=2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z = true + np.where(sigma > 0, sigma * normal, 0.0)
+        if gate.disparity and gate.disparity_step > 0:
+            steps = np.rint(abs(gate.disparity) / z / gate.disparity_step)
+            z = np.where(steps > 0, abs(gate.disparity) / (steps * gate.disparity_step), np.inf)
+        if gate.resolution > 0:
+            z = np.rint(z / gate.resolution) * gate.resolution
+    missing = np.nan if gate.disparity and (gate.shadow or gate.stereo) else np.inf
+    return np.where(is_seen & (z > 0) & np.isfinite(z), z, missing)
 
 
 def turned(poses, beams):
@@ -188,12 +224,11 @@ def residuals(points, directions, equation):
         return np.where(approach > 0.0, distance / approach, np.inf)
 
 
-def passages(origins, directions, ranges, farthest, equation, axes, clear):
-    reached = np.where(np.isfinite(ranges), ranges, farthest)
+def passages(origins, directions, lengths, equation, axes, clear):
     approach = -(directions @ equation[:3])
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = (origins @ equation[:3] + equation[3]) / approach
-        passed = (approach > 0.0) & (crossing > 0.0) & (reached > crossing + clear)
+        passed = (approach > 0.0) & (crossing > 0.0) & (lengths > crossing + clear)
     return (origins[passed] + crossing[passed, None] * directions[passed]) @ axes.T
 
 

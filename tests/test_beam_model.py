@@ -21,16 +21,16 @@ def model(sigma=0.1, **changes):
     return BeamModel(sigma=np.full(4, sigma), **({"min_range": 0.2, "max_range": 3.0} | changes))
 
 
-def blocks(scan, background, min_range):
+def blocks(scan, background, min_range, limits=None):
     sigma = np.full(len(scan), 0.05)
     arrays = (scan.origins, scan.directions, scan.ranges, background, sigma)
-    limits = (min_range, 1.0)
+    limits = (min_range, 1.0) if limits is None else limits
     return _primfit.BeamBlocks(*map(np.ascontiguousarray, arrays), limits, OUTLIER, MISSING)
 
 
-def cost_of(ranges, expected, min_range):
+def cost_of(ranges, expected, min_range, max_range=1.0):
     """Cost of each beam, term by term."""
-    foreseen, returned = (expected >= min_range) & (expected <= 1.0), np.isfinite(ranges)
+    foreseen, returned = (expected >= min_range) & (expected <= max_range), np.isfinite(ranges)
     with np.errstate(invalid="ignore"):
         explained = np.minimum(0.5 * ((ranges - expected) / 0.05) ** 2, OUTLIER)
     cost = np.where(foreseen & returned, explained, 0.0)
@@ -50,6 +50,45 @@ def test_a_surface_nearer_than_the_shortest_range_returns_nothing(min_range):
     np.testing.assert_allclose(got, costs.sum(), rtol=1e-6)
     local = beams.around(STAR.footprint, 0.0, 0.2)
     assert local.cost == pytest.approx(costs.sum(), rel=1e-6)
+
+
+def test_each_beam_may_have_limits_of_its_own():
+    scan = scanned(in_room(STAR), 0.05, 1)
+    rng = np.random.default_rng(4)
+    limits = np.sort(rng.uniform(0.0, 1.2, (2, len(scan))), axis=0)
+    background, _ = primfit.RayCaster(ROOM).cast(scan.origins, scan.directions)
+    expected, _ = primfit.RayCaster(in_room(STAR)).cast(scan.origins, scan.directions)
+    beams = blocks(scan, background, None, limits)
+    costs = cost_of(scan.ranges, expected, *limits)
+    got = beams.costs(STAR.footprint[None], np.zeros(1), np.full(1, 0.2))
+    np.testing.assert_allclose(got, costs.sum(), rtol=1e-6)
+    assert beams.around(STAR.footprint, 0.0, 0.2).cost == pytest.approx(costs.sum(), rel=1e-6)
+    noise = BeamModel(
+        sigma=np.full(len(scan), 0.05), min_range=0.0, max_range=1.2, beam_limits=limits
+    )
+    rows = rng.integers(0, len(scan), 500)
+    is_visible = (expected >= limits[0]) & (expected <= limits[1])
+    np.testing.assert_array_equal(noise.is_visible(expected[rows], rows), is_visible[rows])
+    met = expected[rows]
+    got = noise.costs(scan.ranges[rows], met, met, np.full(500, 0.05), noise.limits(rows))
+    is_explained = is_visible[rows] & scan.is_return[rows]
+    np.testing.assert_allclose(got[is_explained], np.minimum(costs[rows], got.max())[is_explained])
+    # The same for all is as one for all.
+    alike = blocks(scan, background, None, np.tile([[0.1], [0.9]], len(scan)))
+    one = blocks(scan, background, None, (0.1, 0.9))
+    for each in (alike, one):
+        got = each.costs(STAR.footprint[None], np.zeros(1), np.full(1, 0.2))
+        np.testing.assert_array_equal(
+            got, one.costs(STAR.footprint[None], np.zeros(1), np.full(1, 0.2))
+        )
+
+
+def test_limits_of_beams_are_as_many_as_beams():
+    scan = scanned(in_room(STAR), 0.05, 1)
+    with pytest.raises(ValueError, match="limits must have as many rows as origins"):
+        blocks(scan, scan.ranges, None, np.ones((2, 3)))
+    with pytest.raises(ValueError, match=r"limits must have shape \(2, n\)"):
+        blocks(scan, scan.ranges, None, np.ones((3, len(scan))))
 
 
 @pytest.mark.parametrize("height", [0.04, 0.07, 0.3])
@@ -111,7 +150,7 @@ def test_costs_of_intervals(measured, near, far, cost):
     named = {None: noise.outlier_cost, "dropout": -np.log(0.001)}
     expected = named.get(cost, cost)
     one = [np.array([each]) for each in (measured, near, far, 0.1)]
-    np.testing.assert_allclose(noise.costs(*one), expected, atol=1e-12)
+    np.testing.assert_allclose(noise.costs(*one, noise.limits()), expected, atol=1e-12)
 
 
 def test_an_outlier_costs_as_much_as_noise_where_both_are_as_likely():

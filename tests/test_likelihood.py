@@ -69,7 +69,7 @@ def test_the_expansion_has_the_slopes_of_the_cost():
         prism = primfit.Prism(footprint, 0.2)
         depths, _ = primfit.RayCaster(primfit.World([prism])).cast(origins, directions)
         nearest = np.minimum(depths, background)
-        costs = beams.model.costs(ranges, nearest, nearest, sigma)
+        costs = beams.model.costs(ranges, nearest, nearest, sigma, beams.limits)
         return costs[is_smooth].sum()
 
     step = 1e-6

@@ -10,7 +10,7 @@ import pytest
 
 import primfit
 from primfit.scans import scanning
-from primfit.scans.lidar import E_PUCK_TURRET
+from primfit.sensors.mounts import E_PUCK_TURRET
 
 EMPTY = primfit.World(arena=primfit.Arena((1, 1)))
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import primfit
-from primfit.scans.lidar import E_PUCK_TURRET
+from primfit.sensors.mounts import E_PUCK_TURRET
 
 
 class Simulator:

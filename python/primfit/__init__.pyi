@@ -2,7 +2,6 @@
 
 from .clouds.cloud import Cloud
 from .clouds.clustering import dbscan
-from .clouds.depth import points_of_depth
 from .clouds.files import read_cloud, read_points, write_cloud, write_points
 from .clouds.foreign import as_cloud
 from .clouds.normals import estimate_normals
@@ -18,11 +17,14 @@ from .polyhedra.found import FoundPolyhedron, Polyhedra
 from .results import Contradiction, Detection, FoundArena, FoundSolid
 from .scans.bags import read_clouds, read_scan
 from .scans.casting import RayCaster
-from .scans.lidar import Lidar
 from .scans.scan import Scan
 from .scans.scanning import scan
 from .scans.webots import export_webots
 from .segmentation import SegmentationReport, evaluate_segmentation
+from .sensors.depth_camera import DepthCamera
+from .sensors.lidar import Lidar
+from .sensors.pinhole import points_of_depth
+from .sensors.sensor import Sensor
 from .worlds.arena import Arena
 from .worlds.paper_setting import built_of_walls, paper_path, paper_world
 from .worlds.paths import grid_path, waypoints
@@ -38,6 +40,7 @@ __all__ = [
     "BoxFit",
     "Cloud",
     "Contradiction",
+    "DepthCamera",
     "Detection",
     "FoundArena",
     "FoundPolyhedron",
@@ -54,6 +57,7 @@ __all__ = [
     "Report",
     "Scan",
     "SegmentationReport",
+    "Sensor",
     "World",
     "WorldFullError",
     "as_cloud",

@@ -4,6 +4,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from primfit.sensors.sensor import DepthGate, RangeGate
+
 __all__ = [
     "BeamBlocks",
     "Family",
@@ -41,7 +43,7 @@ class BeamBlocks:
         ranges: NDArray[np.float64],
         background: NDArray[np.float64],
         sigmas: NDArray[np.float64],
-        limits: tuple[float, float],
+        limits: tuple[float, float] | NDArray[np.float64],
         outlier: float,
         missing: float,
     ) -> BeamBlocks: ...
@@ -90,7 +92,7 @@ class PoseBeams:
         directions: NDArray[np.float64],
         ranges: NDArray[np.float64],
         sigmas: NDArray[np.float64],
-        limits: tuple[float, float],
+        limits: tuple[float, float] | NDArray[np.float64],
     ) -> PoseBeams: ...
     def __len__(self) -> int: ...
     def sums(
@@ -175,7 +177,7 @@ class RayCaster:
         self,
         poses: NDArray[np.float64],
         beams: NDArray[np.float64],
-        gate: Sequence[float],
+        gate: RangeGate | DepthGate,
         noise: tuple[int, int],
         points: NDArray[np.float64],
         ranges: NDArray[np.float64],
@@ -253,8 +255,7 @@ def laid_out(
 def passages(
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
-    ranges: NDArray[np.float64],
-    farthest: float,
+    lengths: NDArray[np.float64],
     equation: Sequence[float] | NDArray[np.float64],
     axes: Sequence[Sequence[float]] | NDArray[np.float64],
     clear: float,

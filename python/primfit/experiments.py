@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from primfit.paper.detection import PaperSettings
-from primfit.scans.lidar import Lidar
 from primfit.scans.scan import Scan
 from primfit.scans.scanning import scan
+from primfit.sensors.lidar import Lidar
 from primfit.worlds.paper_setting import built_of_walls, paper_path, paper_world, read_paper_map
 from primfit.worlds.paths import grid_path
 from primfit.worlds.random_worlds import random_world

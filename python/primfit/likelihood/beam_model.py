@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,9 @@ from scipy.special import ndtr
 from primfit import _primfit
 from primfit._check import Bools, Floats
 from primfit.likelihood.settings import LikelihoodSettings, NoiseSettings
+
+Limits = tuple[float, float] | Floats
+"""Shortest and longest true range that gives a return, metres: of all beams, or (2, n) of each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +30,8 @@ class BeamModel:
         Standard deviation of each beam's range.
     min_range, max_range : float, metres
         True ranges outside give no return.
+    beam_limits : (2, n) float64 or None, metres
+        The same of each beam, where beams differ; those of all are the least and the largest.
     outliers, dropouts : float
         Their shares.
     """
@@ -34,6 +39,7 @@ class BeamModel:
     sigma: Floats
     min_range: float
     max_range: float
+    beam_limits: Floats | None = None
     outliers: float = 0.0
     dropouts: float = 0.0
     settings: NoiseSettings = field(default_factory=NoiseSettings)
@@ -48,10 +54,12 @@ class BeamModel:
         """Least standard deviation, metres."""
         return self.settings.least_sigma * self.max_range
 
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Shortest and longest true range that gives a return, metres."""
-        return self.min_range, self.max_range
+    def limits(self, rows: Any = slice(None)) -> Limits:
+        """Shortest and longest true range that gives a return, metres, for some beams."""
+        if self.beam_limits is None:
+            return self.min_range, self.max_range
+        some: Floats = self.beam_limits[:, rows]
+        return some
 
     @cached_property
     def outlier_cost(self) -> float:
@@ -65,30 +73,42 @@ class BeamModel:
         """What a beam costs that should return and does not."""
         return float(-np.log(max(self.dropouts, self.settings.rare)))
 
-    def is_visible(self, expected: Floats) -> Bools:
-        """Which true ranges give a return."""
-        visible: Bools = (expected >= self.min_range) & (expected <= self.max_range)
+    def of_beams(self, rows: Any) -> BeamModel:
+        """How some beams err."""
+        each = None if self.beam_limits is None else self.beam_limits[:, rows]
+        return replace(self, sigma=self.sigma[rows], beam_limits=each)
+
+    def is_visible(self, expected: Floats, rows: Any = slice(None)) -> Bools:
+        """Which true ranges of some beams give a return."""
+        shortest, longest = self.limits(rows)
+        visible: Bools = (expected >= shortest) & (expected <= longest)
         return visible
 
-    def costs(self, ranges: Floats, near: Floats, far: Floats, sigma: Floats) -> Floats:
+    def costs(
+        self, ranges: Floats, near: Floats, far: Floats, sigma: Floats, limits: Limits
+    ) -> Floats:
         """Negative log-likelihood (k,) of ranges of beams whose true range is in [near, far]."""
-        low, high = np.maximum(near, self.min_range), np.minimum(far, self.max_range)
+        shortest, longest = limits
+        low, high = np.maximum(near, shortest), np.minimum(far, longest)
         may_return, returned = low <= high, np.isfinite(ranges)
-        may_miss = (near < self.min_range) | (far > self.max_range)
+        may_miss = (near < shortest) | (far > longest)
         with np.errstate(invalid="ignore"):
             off = np.maximum(np.maximum(low - ranges, ranges - high), 0.0) / sigma
             explained = np.minimum(0.5 * off * off, self.outlier_cost)
         of_return = np.where(may_return, explained, self.outlier_cost)
         return np.where(returned, of_return, np.where(may_miss, 0.0, self.dropout_cost))
 
-    def fair_costs(self, ranges: Floats, near: Floats, far: Floats, sigma: Floats) -> Floats:
+    def fair_costs(
+        self, ranges: Floats, near: Floats, far: Floats, sigma: Floats, limits: Limits
+    ) -> Floats:
         """The same costs (k,), comparable between intervals of different widths.
 
         Noise costs less in a wide interval than in a narrow one, which would favour the larger of
         two solids, whose tolerance is larger. So returns cost what they do beyond that.
         """
-        costs = self.costs(ranges, near, far, sigma)
-        foreseen = np.isfinite(ranges) & (far >= self.min_range) & (near <= self.max_range)
+        costs = self.costs(ranges, near, far, sigma, limits)
+        shortest, longest = limits
+        foreseen = np.isfinite(ranges) & (far >= shortest) & (near <= longest)
         costs[foreseen] += 0.5 - _mean_cost(near[foreseen], far[foreseen], sigma[foreseen])
         return costs
 
@@ -119,6 +139,8 @@ class Beams:
     ----------
     arrays : origins (n, 3), directions (n, 3), ranges (n,), background (n,), sigmas (n,)
         float64, metres.
+    limits : (float, float) or (2, n) float64, metres
+        Shortest and longest true range that gives a return.
     model : BeamModel
     floor_z : float, metres
         z of the floor, on which solids stand.
@@ -131,6 +153,7 @@ class Beams:
     def __init__(
         self,
         arrays: tuple[Floats, ...],
+        limits: Limits,
         model: BeamModel,
         floor_z: float,
         settings: LikelihoodSettings,
@@ -140,6 +163,7 @@ class Beams:
         is_open: bool = False,
     ) -> None:
         self.arrays = arrays
+        self.limits = limits
         self.model = model
         self.floor_z = floor_z
         self.settings = settings
@@ -148,10 +172,15 @@ class Beams:
         self.is_open = is_open
         o, d, r, b, s = (np.ascontiguousarray(array) for array in arrays)
         costs = model.outlier_cost, model.dropout_cost
-        self._core = _primfit.BeamBlocks(o, d, r, b, s, model.limits, *costs)
+        each = np.ascontiguousarray(limits) if isinstance(limits, np.ndarray) else limits
+        self._core = _primfit.BeamBlocks(o, d, r, b, s, each, *costs)
 
     def __len__(self) -> int:
         return self.stride * len(self._core)
+
+    def limits_of(self, rows: Any) -> Limits:
+        """Limits of some of them."""
+        return self.limits[:, rows] if isinstance(self.limits, np.ndarray) else self.limits
 
     def costs(self, footprints: Floats, tops: Floats) -> Floats:
         """Negative log-likelihood of each candidate: footprints (k, m, 2) and tops (k,)."""
@@ -216,6 +245,7 @@ class Beams:
         arrays = (o[rows], d[rows], r[rows], b[rows], sigmas[rows])
         return Beams(
             arrays,
+            self.limits_of(rows),
             self.model,
             self.floor_z,
             self.settings,

@@ -53,7 +53,7 @@ def tolerant_cost(
 ) -> float:
     """What some beams cost if each wall of a prism may be anywhere within the tolerance."""
     near, far, _ = ranges_within_tolerance(scene, beams, shape.frame(parameters)[0], top)
-    costs = scene.model.fair_costs(beams.arrays[2], near, far, beams.arrays[4])
+    costs = scene.model.fair_costs(beams.arrays[2], near, far, beams.arrays[4], beams.limits)
     return beams.stride * float(costs.sum())
 
 

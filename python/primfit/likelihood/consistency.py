@@ -140,8 +140,9 @@ def _ended_or_passed(
     others = scene.with_solids([scene.solids[k] for k in elsewhere])
     beyond = others.expected(rows)
     could = (along > reach) & (beyond > along + reach + clearance) & (z < top)
-    could &= along + reach < model.max_range
-    could &= along - 2.0 * reach > model.min_range
+    shortest, longest = model.limits(rows)
+    could &= along + reach < longest
+    could &= along - 2.0 * reach > shortest
     passed = could & (ranges > along + reach + clearance)
     with np.errstate(invalid="ignore"):
         stopped = could & (np.abs(ranges - along) <= 2.0 * reach + clearance)

@@ -58,11 +58,19 @@ def initial_scene(
     ranges = scan.ranges[scan.is_return]
     longest = settings.noise.range_margin * float(np.quantile(ranges, 0.999))
     longest += settings.noise.contamination_sigmas * float(np.median(sigma))
-    longest = longest if scan.max_range is None else min(longest, scan.max_range)
     shortest = max(float(np.quantile(ranges, 0.001)), 0.0)
-    shortest = shortest if scan.min_range is None else scan.min_range
+    if scan.min_range is not None:
+        shortest = float(np.min(scan.min_range))
+    if scan.max_range is not None:
+        longest = min(longest, float(np.max(scan.max_range)))
     sigmas = np.maximum(np.broadcast_to(sigma, len(scan)), settings.noise.least_sigma * longest)
-    model = BeamModel(sigma=sigmas, min_range=shortest, max_range=longest, settings=settings.noise)
+    model = BeamModel(
+        sigma=sigmas,
+        min_range=shortest,
+        max_range=longest,
+        beam_limits=limits_of(scan, shortest, longest),
+        settings=settings.noise,
+    )
     floor_z = find_floor(scan, model)
     lowest = min(float(scan.points[scan.is_return, 2].min()), float(scan.origins[:, 2].min()))
     scene = Scene(
@@ -73,6 +81,19 @@ def initial_scene(
         n_jobs=n_jobs,
     )
     return scene, floor_z is not None
+
+
+def limits_of(scan: Scan, shortest: float, longest: float) -> Floats | None:
+    """Limits (2, n) of the ranges of each beam, up to `longest`; None where all beams share them.
+
+    Where a limit is not known, it is the given one.
+    """
+    nearest, farthest = scan.min_range, scan.max_range
+    if not (isinstance(nearest, np.ndarray) or isinstance(farthest, np.ndarray)):
+        return None
+    low = shortest if nearest is None else nearest
+    high = longest if farthest is None else np.minimum(longest, farthest)
+    return np.stack([np.broadcast_to(each, len(scan)) for each in (low, high)])
 
 
 def find_floor(scan: Scan, model: BeamModel) -> float | None:
@@ -92,7 +113,7 @@ def find_floor(scan: Scan, model: BeamModel) -> float | None:
     def residuals(at: float) -> Floats:
         """Standard deviations by which ranges exceed those of a floor, NaN for none in range."""
         expected = (at - heights) / slope
-        return np.where(model.is_visible(expected), (ranges - expected) / sigma, np.nan)
+        return np.where(model.is_visible(expected, down), (ranges - expected) / sigma, np.nan)
 
     grid = np.concatenate([np.quantile(z, np.linspace(0.0, 1.0, 150)), np.linspace(*_span(z), 150)])
     grid = np.unique(grid)
@@ -287,7 +308,7 @@ def level_floor(scene: Scene, stride: int) -> tuple[float, float]:
     floor_z, sigma = scene.floor_z, np.inf
     for _ in range(_FLOOR_STEPS):
         expected = (floor_z - heights) / slope
-        meets = (expected < nearest) & model.is_visible(expected)
+        meets = (expected < nearest) & model.is_visible(expected, down)
         residual = ranges - expected
         meets &= np.abs(residual) <= model.settings.contamination_sigmas * sigmas
         weights = np.where(meets, (slope * sigmas) ** -2, 0.0)
@@ -310,7 +331,7 @@ def measure_noise(scene: Scene, measure_sigma: bool, stride: int) -> BeamModel:
     scan, model = scene.scan, scene.model
     rows = scene.clear_rows(stride, _LEAST_CLEAR)
     expected = scene.expected(rows)
-    foreseen = model.is_visible(expected)
+    foreseen = model.is_visible(expected, rows)
     hits = foreseen & scan.is_return[rows]
     residual = np.abs(scan.ranges[rows][hits] - expected[hits])
     sigma = model.sigma

@@ -117,7 +117,8 @@ def _excess(beams: Beams, best: Candidate) -> float:
     model, (_, _, ranges, background, sigma) = beams.model, beams.arrays
     expected = beams.prism_ranges(best.fit.footprint, best.top.z)
     touched = expected < background
-    costs = model.costs(ranges[touched], *2 * (expected[touched],), sigma[touched])
+    met, limits = expected[touched], beams.limits_of(touched)
+    costs = model.costs(ranges[touched], met, met, sigma[touched], limits)
     n = max(int(touched.sum()), 1)
     lapses = model.outliers * model.outlier_cost + model.dropouts * model.dropout_cost
     square = model.outliers * model.outlier_cost**2 + model.dropouts * model.dropout_cost**2

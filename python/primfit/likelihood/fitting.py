@@ -119,8 +119,9 @@ def find_top(beams: Beams, footprint: Floats) -> Top:
     heights = np.concatenate([[beams.floor_z], np.sort(z[z > beams.floor_z])])
     if len(heights) < 2:
         return Top(sensor, np.nan)
+    ended, errors, limits = ranges[crossing], sigma[crossing], beams.limits_of(crossing)
     cost = [
-        beams.model.costs(ranges[crossing], each[crossing], each[crossing], sigma[crossing])
+        beams.model.costs(ended, each[crossing], each[crossing], errors, limits)
         for each in (depths, background)
     ]
     costs = beams.stride * np.concatenate([[0.0], np.cumsum(cost[0] - cost[1])])

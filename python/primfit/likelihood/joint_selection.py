@@ -136,7 +136,7 @@ def _judged(problem: Problem) -> Scene:
     return replace(
         problem.scene,
         recording=Recording.of(track.moved().select(rows)),
-        model=replace(model, sigma=sigma[rows]),
+        model=replace(model, sigma=sigma).of_beams(rows),
         settings=_tolerant(problem.scene, slack),
     )
 

@@ -22,6 +22,7 @@ from primfit.likelihood.environment import (
     find_room,
     initial_scene,
     level_floor,
+    limits_of,
     measure_noise,
 )
 from primfit.likelihood.final_fit import model_error
@@ -139,6 +140,7 @@ def _exact(scene: Scene, track: Track, task: Task) -> Scene:
         sigma=sigma,
         min_range=scene.model.min_range,
         max_range=scene.model.max_range,
+        beam_limits=limits_of(track.scan, scene.model.min_range, scene.model.max_range),
         settings=task.settings.noise,
     )
     return replace(scene, model=model)

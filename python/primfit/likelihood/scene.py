@@ -178,7 +178,8 @@ class Scene:
     def costs(self, rows: Ints) -> Floats:
         """Negative log-likelihood of some beams, each wall where the tolerance fits it best."""
         near, far = self.expected_within(rows)
-        return self.model.fair_costs(self.scan.ranges[rows], near, far, self.model.sigma[rows])
+        model, ranges = self.model, self.scan.ranges[rows]
+        return model.fair_costs(ranges, near, far, model.sigma[rows], model.limits(rows))
 
     def score(self, rows: Ints) -> float:
         """Half the Bayesian information criterion of the solids on some beams."""
@@ -199,8 +200,9 @@ class Scene:
             return 0.0
         near, far = self.expected_within(rows)
         ranges, sigma = self.scan.ranges[rows], model.sigma[rows]
-        costs = model.costs(ranges, near, far, sigma)
-        foreseen = np.isfinite(ranges) & (far >= model.min_range) & (near <= model.max_range)
+        shortest, longest = limits = model.limits(rows)
+        costs = model.costs(ranges, near, far, sigma, limits)
+        foreseen = np.isfinite(ranges) & (far >= shortest) & (near <= longest)
         # What outliers and dropouts cost at the shares that the scene has of them.
         lapses = model.outliers * model.outlier_cost + model.dropouts * model.dropout_cost
         square = model.outliers * model.outlier_cost**2 + model.dropouts * model.dropout_cost**2
@@ -278,6 +280,7 @@ class Scene:
         arrays = _some(scan.origins, rows), _some(scan.directions, rows), scan.ranges[rows]
         return Beams(
             (*arrays, background, self.model.sigma[rows]),
+            self.model.limits(rows),
             self.model,
             self.floor_z,
             self.settings,

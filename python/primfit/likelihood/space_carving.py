@@ -61,8 +61,8 @@ def carve(scene: Scene) -> FreeSpace:
 class _Spans:
     """Which part of each of some beams carves, metres from its origin.
 
-    A beam surely passed up to `passed` and is followed to `ends`; `solid_ends` are the returns
-    that are not the floor's.
+    A beam surely passed up to `passed` and is followed to `ends`; nearer than `min_ranges` it sees
+    nothing. `solid_ends` are the returns that are not the floor's.
     """
 
     scene: Scene
@@ -71,6 +71,7 @@ class _Spans:
     is_return: Bools
     passed: Floats
     ends: Floats
+    min_ranges: Floats
     solid_ends: Floats
 
     @classmethod
@@ -82,8 +83,9 @@ class _Spans:
         clearance = how.clearance_sigmas * sigma
         is_floor = is_return & (ranges > scene.expected(rows) - clearance)
         at = scan.points[rows[is_return & ~is_floor]]
-        passed = np.where(is_return, ranges - clearance, model.max_range)
-        passed = np.clip(passed, 0.0, model.max_range)
+        shortest, longest = model.limits(rows)
+        passed = np.where(is_return, ranges - clearance, longest)
+        passed = np.clip(passed, 0.0, longest)
         return cls(
             scene,
             origins,
@@ -91,13 +93,14 @@ class _Spans:
             is_return,
             passed,
             # Returns are followed beyond their ends, but not where the floor may have stopped them.
-            np.where(is_floor, passed, model.max_range),
+            np.where(is_floor, passed, longest),
+            np.broadcast_to(shortest, len(ranges)),
             at if len(at) else scan.points[rows[is_return]],
         )
 
     def take(self, rows: Bools) -> _Spans:
         """Some of them."""
-        names = ("origins", "directions", "is_return", "passed", "ends")
+        names = ("origins", "directions", "is_return", "passed", "ends", "min_ranges")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def carved(self, low: Floats, high: Floats, cell: float) -> FreeSpace:
@@ -113,7 +116,7 @@ class _Spans:
     def _carved(self, corner: Floats, shape: Ints, cell: float) -> FreeSpace:
         scene = self.scene
         heights = _heights(scene, self.solid_ends[:, 2])
-        starts = np.where(self.is_return, 0.0, scene.model.min_range + 2.0 * cell)
+        starts = np.where(self.is_return, 0.0, self.min_ranges + 2.0 * cell)
         counts = _primfit.carve(
             self.origins,
             self.directions,
@@ -146,10 +149,10 @@ class _Spans:
         a solid would free it.
         """
         blind = np.zeros(len(self.is_return), dtype=bool)
-        shortest = self.scene.model.min_range
+        shortest = float(self.min_ranges.max(initial=0.0))
         moves = (np.diff(self.origins, axis=0) != 0.0).any(axis=1)
         place = np.concatenate([[0], np.cumsum(moves)])
-        is_near = self.is_return & (self.passed < _ASLANT * shortest)
+        is_near = self.is_return & (self.passed < _ASLANT * self.min_ranges)
         is_suspect = np.bincount(place, is_near)[place] > 0
         empty = np.flatnonzero(~self.is_return & is_suspect)
         if shortest == 0.0 or not len(empty):
@@ -175,7 +178,7 @@ def with_room(space: FreeSpace, scene: Scene) -> FreeSpace:
     rows = np.flatnonzero(scan.is_return)[:: max(1, len(scan) // _MOST_BEAMS)]
     expected = scene.expected(rows)
     shortfall = expected - scan.ranges[rows]
-    seen = model.is_visible(expected)
+    seen = model.is_visible(expected, rows)
     beyond = seen & (shortfall < -2.0 * space.settings.clearance_sigmas * model.sigma[rows])
     # Outliers beyond a solid, which is nearer than what is behind it, are about twice as many.
     seeming = model.dropouts + 2.0 * float(beyond.sum() / max(seen.sum(), 1))

@@ -132,13 +132,14 @@ class Track:
 
     def core(self, model: BeamModel) -> _primfit.PoseBeams:
         """The kernel of these beams."""
+        limits = model.limits(self.order)
         return _primfit.PoseBeams(
             self.starts.tolist(),
             self.origins,
             self.directions,
             np.ascontiguousarray(self.scan.ranges[self.order]),
             np.ascontiguousarray(model.sigma[self.order]),
-            model.limits,
+            np.ascontiguousarray(limits) if isinstance(limits, np.ndarray) else limits,
         )
 
     def added_sigma(self, covariances: Floats) -> Floats:

@@ -20,7 +20,7 @@ def passages(scan: Scan, equation: Floats, axes: Floats, sigma: float) -> Floats
 
     The place is exact however noisy the range is: only whether the beam ended there or went on
     is measured. A beam without return went as far as the sensor sees, which is the longest range
-    of the scan where it is not known.
+    of the scan where it is not known; one that tells nothing goes nowhere.
 
     Parameters
     ----------
@@ -37,9 +37,10 @@ def passages(scan: Scan, equation: Floats, axes: Floats, sigma: float) -> Floats
     places : (k, 2) float64, metres
         Along the axes.
     """
+    is_return = np.isfinite(scan.ranges)
     farthest = scan.max_range
     if farthest is None:
-        farthest = float(scan.ranges[np.isfinite(scan.ranges)].max(initial=0.0))
-    return _primfit.passages(
-        scan.origins, scan.directions, scan.ranges, farthest, equation, axes, _CLEAR * sigma
-    )
+        farthest = float(scan.ranges[is_return].max(initial=0.0))
+    lengths = np.where(is_return, scan.ranges, farthest)
+    lengths[scan.is_blank] = 0.0
+    return _primfit.passages(scan.origins, scan.directions, lengths, equation, axes, _CLEAR * sigma)

@@ -1,1 +1,1 @@
-"""Scans: the sensor, the casting of its beams, and what they returned."""
+"""Scans: the casting of beams, and what they returned."""

@@ -69,10 +69,10 @@ def _checked(name: str, array: Field, n: int, is_index: bool, is_number: bool) -
         if array.shape != (n,) or array.dtype.kind != "b":
             raise ValueError(f"its array {name!r} is {array.dtype} {array.shape}")
         return array
-    is_column = is_index or name in ("ranges", "true_ranges")
+    is_column = is_index or name in ("ranges", "depths", "true_ranges")
     shapes: list[tuple[int, ...]] = [(n,)] if is_column else [(n, 3)]
     if is_number:
-        shapes = [(), (n,)] if name == "sigma" else [()]
+        shapes = [(), (n,)]
     if array.shape not in shapes or array.dtype.kind not in ("iu" if is_index else "fiu"):
         raise ValueError(f"its array {name!r} is {array.dtype} {array.shape}")
     if is_index:

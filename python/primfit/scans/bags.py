@@ -15,10 +15,10 @@ from primfit._check import Bools, Floats, Ints
 from primfit._files import as_path
 from primfit.clouds.cloud import Cloud
 from primfit.clouds.messages import beams_of_message, cloud_of_message, pose_of_message
-from primfit.scans.lidar import Lidar
 from primfit.scans.scan import Scan
 from primfit.scans.scanning import as_transforms
 from primfit.scans.transforms import FrameTree, between
+from primfit.sensors.lidar import Lidar
 
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 _LASER = "sensor_msgs/msg/LaserScan"

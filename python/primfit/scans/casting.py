@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from primfit import _primfit
 from primfit._check import Floats, Ints, as_rows, check_finite, n_jobs_or_none
 from primfit._progress import Progress, reporting
+from primfit.sensors.sensor import RangeGate
 from primfit.worlds.world import World
 
 if TYPE_CHECKING:
@@ -173,8 +174,7 @@ class RayCaster:
         rows, beams = as_rows("poses", transforms.reshape(-1, 16), 16), as_rows("beams", beams, 3)
         n = len(rows) * len(beams)
         out = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
-        exact = (0.0, np.inf, 0.0, 0.0)
-        self._core.scan(rows, beams, exact, (0, 0), *out, n_jobs_or_none(n_jobs))
+        self._core.scan(rows, beams, RangeGate(), (0, 0), *out, n_jobs_or_none(n_jobs))
         return _primfit.turned(rows, beams), *out[1:]
 
     def __repr__(self) -> str:

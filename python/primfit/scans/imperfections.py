@@ -9,7 +9,7 @@ import numpy as np
 
 from primfit import _primfit
 from primfit._check import Bools, Floats, Ints
-from primfit.scans.lidar import Lidar
+from primfit.sensors.lidar import Lidar
 from primfit.worlds.world import World
 
 RINGS, RAYS = 2, 8

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit import _primfit
-from primfit._check import Floats, as_floats, instance
-from primfit.scans.lidar import Lidar
+from primfit._check import as_floats, instance
 from primfit.scans.scan import Scan
 from primfit.scans.scanning import as_transforms
+from primfit.sensors.sensor import RangeGate, Sensor
 
 
 def scan_of_readings(
-    path: ArrayLike, lidar: Lidar, ranges: ArrayLike, sigma: ArrayLike | None
+    path: ArrayLike, lidar: Sensor, ranges: ArrayLike, sigma: ArrayLike | None
 ) -> Scan:
     """The scan that `Scan.from_readings` gives."""
-    instance("lidar", lidar, Lidar)
+    instance("lidar", lidar, Sensor)
     poses, _ = as_transforms(path, lidar)
-    layers, columns, _ = lidar.directions.shape
+    beams = lidar.directions
+    layers, columns, _ = beams.shape
     n_beams = layers * columns
     lengths = as_floats("ranges", ranges)
     shapes = [(len(poses), layers, columns), (len(poses), n_beams), (len(poses) * n_beams,)]
@@ -27,26 +30,31 @@ def scan_of_readings(
         raise ValueError(
             f"ranges must have shape {shapes[0]}: poses, layers and columns; not {lengths.shape}"
         )
-    lengths = lengths.reshape(-1)
+    lengths = lengths.reshape(len(poses), layers, columns)
     rows = np.flatnonzero(~(np.isnan(lengths) | np.isneginf(lengths)))
     pose, beam = np.divmod(rows, n_beams)
+    if sigma is None:
+        sigma = lidar.sigma_of(lengths)
+        sigma = np.ravel(sigma)[rows] if np.ndim(sigma) else sigma
+        # A sensor of which no noise is known is not without any.
+        sigma = sigma if np.any(sigma) else None
     directions = _primfit.turned(
-        np.ascontiguousarray(poses.reshape(-1, 16)), lidar.directions.reshape(-1, 3)
+        np.ascontiguousarray(poses.reshape(-1, 16)), np.ascontiguousarray(beams.reshape(-1, 3))
     )
-    return Scan.from_rays(
+    nearest, farthest = (
+        np.ravel(limit)[beam] if np.ndim(limit) else limit for limit in lidar.limits
+    )
+    scan = Scan.from_rays(
         poses[pose, :3, 3],
         directions[rows],
-        lengths[rows],
-        _sigma_of(lidar, lengths[rows]) if sigma is None else sigma,
-        min_range=lidar.min_range,
-        max_range=lidar.max_range,
+        lengths.ravel()[rows],
+        sigma,
+        min_range=nearest,
+        max_range=farthest,
         layer=beam // columns,
         column=beam % columns,
         pose_index=pose,
     )
-
-
-def _sigma_of(lidar: Lidar, ranges: Floats) -> float | Floats | None:
-    if lidar.noise_per_metre:
-        return lidar.sigma_at(ranges)
-    return lidar.sigma or None
+    if isinstance(lidar.gate, RangeGate):
+        return scan
+    return replace(scan, depths=scan.ranges * beams[..., 2].ravel()[beam])

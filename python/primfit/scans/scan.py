@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from primfit._check import (
     MOST_COORDINATE,
@@ -21,7 +21,7 @@ from primfit._check import (
     check_within,
     number,
 )
-from primfit._later import Later
+from primfit._later import Later, replaced
 from primfit.clouds.cloud import warn_of_millimetres
 from primfit.clouds.foreign import PointsLike, borrowed
 from primfit.geometry.extents import half_extent, is_amid
@@ -32,10 +32,11 @@ from primfit.viewing.shown import Shown
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from primfit.scans.lidar import Lidar
+    from primfit.sensors.sensor import Sensor
 
 _ARRAYS = ("points", "origins", "directions", "ranges")
 _INDICES = ("layer", "column", "pose_index", "solid_index")
+_OPTIONAL = ("depths", "true_ranges", "true_points", "is_mixed")
 _NUMBERS = ("sigma", "min_range", "max_range")
 _PATHS = ("path", "true_path")
 TRUTHS = ("true_ranges", "true_points", "is_mixed")
@@ -60,7 +61,8 @@ class Scan(Shown):
     directions : (n, 3) float64
         Unit direction of the beam; NaN when the origin is not known.
     ranges : (n,) float64, metres
-        Measured range, noise included; inf for no return, NaN when the origin is not known.
+        Measured range, noise included; inf for no return, NaN when the origin is not known, or
+        where that nothing came back tells nothing (see `DepthCamera`).
     layer, column, pose_index : (n,) int64 or None
         Place of the beam in the sensor and of its pose in the path.
     solid_index : (n,) int64 or None
@@ -68,8 +70,11 @@ class Scan(Shown):
         -1 nothing, -2 arena, -3 floor.
     sigma : float, (n,) float64 or None, metres
         Standard deviation of the ranges; 0 is exact, None is not known.
-    min_range, max_range : float or None, metres
+    min_range, max_range : float, (n,) float64 or None, metres
         Nearer than the first, and beyond the second, the sensor gets no return; None is not known.
+        Those of each beam where they differ, as those of a camera's pixels do.
+    depths : (n,) float64 or None, metres
+        Of a camera: measured distance along its optical axis; inf or NaN where the range is.
     path : (p, 3) float64 or None
         Poses of the robot as it believes them: x, y in metres and yaw in radians, row by
         `pose_index`; None where the sensor did not move in the plane, or they are not known.
@@ -97,9 +102,10 @@ class Scan(Shown):
     column: Later[Ints | None] = Later(None)  # noqa: RUF009
     pose_index: Later[Ints | None] = Later(None)  # noqa: RUF009
     solid_index: Ints | None = None
-    sigma: float | Floats | None = None
-    min_range: float | None = None
-    max_range: float | None = None
+    sigma: Later[float | Floats | None] = Later(None)  # noqa: RUF009
+    min_range: Later[float | Floats | None] = Later(None)  # noqa: RUF009
+    max_range: Later[float | Floats | None] = Later(None)  # noqa: RUF009
+    depths: Later[Floats | None] = Later(None)  # noqa: RUF009
     path: Floats | None = None
     true_path: Floats | None = None
     true_ranges: Floats | None = None
@@ -120,8 +126,8 @@ class Scan(Shown):
         ranges: ArrayLike,
         sigma: ArrayLike | None = None,
         *,
-        min_range: float | None = None,
-        max_range: float | None = None,
+        min_range: ArrayLike | None = None,
+        max_range: ArrayLike | None = None,
         layer: ArrayLike | None = None,
         column: ArrayLike | None = None,
         pose_index: ArrayLike | None = None,
@@ -140,8 +146,8 @@ class Scan(Shown):
             comes after the sensor's gate.
         sigma : float or (n,) or None, metres
             Standard deviation of the ranges; None is not known.
-        min_range, max_range : float or None, metres
-            Range limits of the sensor; None is not known.
+        min_range, max_range : float or (n,) or None, metres
+            Range limits of the sensor, or of each beam; None is not known.
         layer, column, pose_index, solid_index : (n,) int or None
         path : (p, 3) float64 or None
             Poses of the robot as it believes them: x, y in metres and yaw in radians, to which
@@ -181,7 +187,7 @@ class Scan(Shown):
             )
         points = np.full((n, 3), np.nan)
         points[is_return] = starts[is_return] + lengths[is_return, None] * unit[is_return]
-        nearest, farthest = range_limits(min_range, max_range)
+        nearest, farthest = range_limits(min_range, max_range, n)
         poses = _indices("pose_index", pose_index, n)
         return cls(
             points=points,
@@ -205,8 +211,8 @@ class Scan(Shown):
         origins: ArrayLike | None = None,
         sigma: ArrayLike | None = None,
         *,
-        min_range: float | None = None,
-        max_range: float | None = None,
+        min_range: ArrayLike | None = None,
+        max_range: ArrayLike | None = None,
     ) -> Scan:
         """A scan from a recorded cloud.
 
@@ -221,8 +227,8 @@ class Scan(Shown):
             Where the sensor was, for each point or for all; None is not known.
         sigma : float or (n,) or None, metres
             Standard deviation of the ranges; None is not known.
-        min_range, max_range : float or None, metres
-            Range limits of the sensor; None is not known.
+        min_range, max_range : float or (n,) or None, metres
+            Range limits of the sensor, or of each beam; None is not known.
 
         Raises
         ------
@@ -253,7 +259,7 @@ class Scan(Shown):
             cloud = np.array(cloud)
         check_within("points", cloud)
         warn_of_millimetres(cloud)
-        nearest, farthest = range_limits(min_range, max_range)
+        nearest, farthest = range_limits(min_range, max_range, n)
         if origins is None:
             unknown = np.broadcast_to(np.nan, (n, 3))
             return cls(
@@ -285,7 +291,7 @@ class Scan(Shown):
 
     @classmethod
     def from_readings(
-        cls, path: ArrayLike, lidar: Lidar, ranges: ArrayLike, sigma: ArrayLike | None = None
+        cls, path: ArrayLike, lidar: Sensor, ranges: ArrayLike, sigma: ArrayLike | None = None
     ) -> Scan:
         """A scan from the ranges that a sensor has logged, pose by pose.
 
@@ -293,14 +299,15 @@ class Scan(Shown):
         ----------
         path : (n, 3) or (3,) or (n, 4, 4) or (4, 4) float64
             Poses, as in `primfit.scan`.
-        lidar : Lidar
-            Where its beams go, how far it sees, and where it is mounted.
+        lidar : Sensor
+            Where its beams go, how far it sees, and where it is mounted. Depth images are for
+            `DepthCamera.scan`.
         ranges : (n, layers, columns) float64, metres
             As the sensor of Webots gives them: layers from top to bottom, columns from left to
             right; also flat, for each pose or altogether. inf for no return; beams of NaN or minus
             infinity tell nothing and are left out.
         sigma : float or None, metres
-            Standard deviation of the ranges; None is that of the lidar, and where this is 0, it is
+            Standard deviation of the ranges; None is that of the sensor, and where this is 0, it is
             to be estimated.
 
         Raises
@@ -330,7 +337,7 @@ class Scan(Shown):
 
     @property
     def is_blank(self) -> Bools:
-        """Which rows tell nothing (n,): no return, and no direction in which none came back."""
+        """Which rows tell nothing (n,): no return, and not that there is nothing to return from."""
         return ~self.is_return & np.isnan(self.ranges)
 
     @property
@@ -359,12 +366,14 @@ class Scan(Shown):
             if index.size and not (-n <= index.min() and index.max() < n):
                 raise ValueError(f"rows must be below {n}, not {index.min()} to {index.max()}")
         changes: dict[str, Any] = {name: getattr(self, name)[index] for name in _ARRAYS}
-        for name in (*_INDICES, *TRUTHS):
+        for name in (*_INDICES, *_OPTIONAL):
             array = getattr(self, name)
             changes[name] = None if array is None else array[index]
-        sigma = self.sigma[index] if isinstance(self.sigma, np.ndarray) else self.sigma
-        changes |= {name: getattr(self, name) for name in ("min_range", "max_range", *_PATHS)}
-        return Scan(**changes, sigma=sigma)
+        for name in _NUMBERS:
+            value = getattr(self, name)
+            changes[name] = value[index] if isinstance(value, np.ndarray) else value
+        changes |= {name: getattr(self, name) for name in _PATHS}
+        return Scan(**changes)
 
     def moved(self, offset: Floats) -> Scan:
         """The scan moved by a vector (3,), metres."""
@@ -374,7 +383,7 @@ class Scan(Shown):
         step = np.append(offset[:2], 0.0)
         paths = {name: None if path is None else path + step for name, path in paths.items()}
         truth = None if self.true_points is None else self.true_points + offset
-        return replace(
+        return replaced(
             self,
             points=self.points + offset,
             origins=self.origins + offset,
@@ -410,7 +419,7 @@ class Scan(Shown):
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write the scan as a NumPy archive (.npz); every number survives exactly."""
-        names = (*_ARRAYS, *_INDICES, *_NUMBERS, *_PATHS, *TRUTHS)
+        names = (*_ARRAYS, *_INDICES, *_NUMBERS, *_PATHS, *_OPTIONAL)
         save_arrays(file, {name: getattr(self, name) for name in names})
 
     @classmethod
@@ -426,7 +435,41 @@ class Scan(Shown):
         MemoryError
             When the memory is too small for it.
         """
-        return cls(**load_arrays(file, _ARRAYS, _INDICES, _NUMBERS, _PATHS, TRUTHS))
+        return cls(**load_arrays(file, _ARRAYS, _INDICES, _NUMBERS, _PATHS, _OPTIONAL))
+
+    def image(self, of: str = "depth") -> NDArray[Any]:
+        """What the pixels of a camera measured, or the beams of each layer of a lidar.
+
+        Parameters
+        ----------
+        of : str
+            "depth", "range", "sigma", "points" or "solid_index".
+
+        Returns
+        -------
+        images : (p, h, w) or (p, h, w, 3) array
+            Pose by pose, layer by layer, column by column; as many of these as there are beams of.
+            No return is inf, or NaN where that tells nothing, of points NaN. Where the scan has no
+            beam, NaN; of `solid_index` -1.
+
+        Raises
+        ------
+        ValueError
+            When it is not known where the beams are in the sensor, or that of which images are
+            wanted is not, or two beams are in one place.
+
+        Examples
+        --------
+        >>> import primfit
+        >>> camera = primfit.DepthCamera.range_finder(max_range=3.0)
+        >>> world = primfit.World(arena=primfit.Arena((2, 2)))
+        >>> scan = primfit.scan(world, [(0.5, 1, 0), (1.5, 1, 0)], camera)
+        >>> scan.image("depth")[:, 32, 32]
+        array([1.5, 0.5])
+        """
+        from primfit.scans.images import images_of
+
+        return images_of(self, of)
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
         """Draw the returns from above; needs matplotlib."""
@@ -470,14 +513,33 @@ def one_or_each(name: str, values: ArrayLike, n: int) -> Floats:
 
 
 def range_limits(
-    min_range: float | None, max_range: float | None
-) -> tuple[float | None, float | None]:
-    """Checked range limits of a sensor, metres."""
-    nearest = None if min_range is None else number("min_range", min_range, low=0.0)
-    farthest = None if max_range is None else number("max_range", max_range, above=0.0)
-    if nearest is not None and farthest is not None and nearest >= farthest:
-        raise ValueError(f"min_range must be less than max_range={farthest:g}, not {min_range!r}")
+    min_range: ArrayLike | None, max_range: ArrayLike | None, n: int
+) -> tuple[float | Floats | None, float | Floats | None]:
+    """Checked range limits of a sensor or of each of its beams, metres."""
+    nearest = None if min_range is None else _limit("min_range", min_range, n, low=0.0)
+    farthest = None if max_range is None else _limit("max_range", max_range, n, above=0.0)
+    if nearest is None or farthest is None:
+        return nearest, farthest
+    if isinstance(nearest, float) and isinstance(farthest, float):
+        if nearest >= farthest:
+            raise ValueError(
+                f"min_range must be less than max_range={farthest:g}, not {min_range!r}"
+            )
+    elif (is_none := np.broadcast_to(nearest >= farthest, n)).any():
+        raise ValueError(
+            f"min_range must be less than max_range, but row {int(np.argmax(is_none))} is not"
+        )
     return nearest, farthest
+
+
+def _limit(name: str, value: ArrayLike, n: int, **bounds: float) -> float | Floats:
+    if np.ndim(value) == 0:
+        return number(name, value, **bounds)
+    column = np.array(as_column(name, value, n))
+    check_finite(name, column)
+    if n:
+        number(f"{name}, the least of its rows,", column.min(), **bounds)
+    return column
 
 
 def as_sigma(sigma: ArrayLike | None, n: int) -> float | Floats | None:

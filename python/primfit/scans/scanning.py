@@ -16,9 +16,11 @@ from primfit._progress import Progress, reporting
 from primfit.geometry.motions import wrapped
 from primfit.scans.casting import RayCaster
 from primfit.scans.imperfections import read
-from primfit.scans.lidar import Lidar, check_transforms
 from primfit.scans.path_errors import as_pose_sigmas, carried_along, drifted, misplaced
 from primfit.scans.scan import TRUTHS, Scan
+from primfit.sensors.lidar import Lidar
+from primfit.sensors.mounts import check_transforms
+from primfit.sensors.sensor import RangeGate, Sensor
 from primfit.worlds.places import warn_of_places
 from primfit.worlds.world import World
 
@@ -28,7 +30,7 @@ _BEAMS_AT_ONCE = 1 << 18
 def scan(
     world: World,
     path: ArrayLike,
-    lidar: Lidar | None = None,
+    lidar: Sensor | None = None,
     *,
     rng: Any = None,
     pose_noise: ArrayLike | None = None,
@@ -36,26 +38,27 @@ def scan(
     n_jobs: int | None = None,
     progress: Progress = False,
 ) -> Scan:
-    """All returns of a LiDAR along a path.
+    """All returns of a LiDAR or a depth camera along a path.
 
     Every beam is cast exactly against solids, arena and floor. The range gate is applied to the
     true range; then Gaussian noise is added along the beam, and the range is rounded to the
-    sensor's resolution. A beam without return stays without return. Poses inside a solid are
-    passed over, as in the paper, and planar ones outside the arena. The noise of a beam depends on
-    `rng` and on its row alone. A lidar with imperfections (see `Lidar`) reads through its
-    footprints, loses returns and moves within a turn; then the scan has the truth of each beam
-    beside it, and its `sigma` is that of each beam where noise grows with range or incidence. No
-    `sigma` holds for mixed pixels, nor for what a moving sensor distorts. Its readings are the same
-    at any `n_jobs`; on another processor NumPy's functions may round the last digit differently.
+    sensor's resolution. A `DepthCamera` does so with depths. A beam without return stays without
+    return. Poses inside a solid are passed over, as in the paper, and planar ones outside the
+    arena. The noise of a beam depends on `rng` and on its row alone. A lidar with imperfections
+    (see `Lidar`) reads through its footprints, loses returns and moves within a turn; then the scan
+    has the truth of each beam beside it, and its `sigma` is that of each beam where noise grows
+    with range or incidence. No `sigma` holds for mixed pixels, nor for what a moving sensor
+    distorts. Its readings are the same at any `n_jobs`; on another processor NumPy's functions may
+    round the last digit differently.
 
     Parameters
     ----------
     world : World
     path : (n, 3) or (3,) or (n, 4, 4) or (4, 4) float64
-        Planar poses of the robot (x, y in metres, yaw in radians), to which the lidar's mount is
+        Planar poses of the robot (x, y in metres, yaw in radians), to which the sensor's mount is
         added, or rigid transforms ``T_world_sensor``.
-    lidar : Lidar or None
-        None for `Lidar()`.
+    lidar : Sensor or None
+        A `Lidar`, a `DepthCamera` or another `Sensor`; None for `Lidar()`.
     rng : None, int or numpy.random.Generator
         Same `rng`, same scan, at any number of threads.
     pose_noise : (position, heading), (x, y, heading) or None, metres and radians
@@ -75,7 +78,8 @@ def scan(
     -------
     Scan
         One row a beam: pose by pose, layer by layer, column by column. Takes 40 bytes a beam, and
-        72 more when origins, directions and places in the sensor have been asked for.
+        72 more when origins, directions and places in the sensor have been asked for; of a camera
+        32 more when depths, `sigma` and limits have been.
 
     Raises
     ------
@@ -98,7 +102,7 @@ def scan(
     """
     instance("world", world, World)
     lidar = Lidar() if lidar is None else lidar
-    instance("lidar", lidar, Lidar)
+    instance("lidar", lidar, Sensor)
     poses, planar = as_transforms(path, lidar)
     sigmas = _noise_of_poses(pose_noise, step_noise, planar)
     inside_arena = planar is not None
@@ -117,76 +121,95 @@ def scan(
     warn_of_places(world)
     rng = generator(rng)
     n_jobs = n_jobs_or_none(n_jobs)
-    directions = lidar.directions
-    layers, columns, _ = directions.shape
-    beams = directions.reshape(-1, 3)
+    beams = np.ascontiguousarray(lidar.directions.reshape(-1, 3))
     transforms = np.ascontiguousarray(poses[valid].reshape(-1, 16))
     n_poses, n_beams = len(transforms), len(beams)
-    at_once = max(1, _BEAMS_AT_ONCE // n_beams)
     seed = int(rng.integers(1 << 64, dtype=np.uint64))
-    sigma: float | Floats = lidar.sigma
+    measured: dict[str, Any] = {}
     truth: dict[str, Any] = {}
     with reporting(progress, n_poses, "pose") as tell:
-        if lidar.is_perfect:
-            points, ranges, ids = _cast(world, lidar, transforms, at_once, seed, n_jobs, tell)
+        if not isinstance(lidar, Lidar) or lidar.is_perfect:
+            points, ranges, ids = _cast(world, lidar, transforms, seed, n_jobs, tell)
         else:
             turns = partial(
                 _in_turn, path=poses if planar is None else planar, used=valid, lidar=lidar
             )
             readings = read(world, lidar, turns, n_poses, seed, n_jobs, tell)
-            points, ranges, ids = (
-                np.empty((n_poses * n_beams, 3)),
-                readings.ranges,
-                readings.solid_index,
-            )
+            points, ranges, ids = None, readings.ranges, readings.solid_index
             if lidar.noise_per_metre or lidar.beam_divergence:
-                sigma = readings.sigma
+                measured = {"sigma": readings.sigma}
             truth = {name: getattr(readings, name) for name in TRUTHS}
     believed = planar
     if planar is not None and sigmas is not None:
         errors = misplaced if step_noise is None else drifted
         believed = carried_along(planar, valid, errors(planar[valid], sigmas, rng))
         transforms = _mounted(believed[valid], lidar).reshape(-1, 16)
-    if truth or believed is not planar:
-        for first in range(0, n_poses, at_once):
-            some = transforms[first : first + at_once]
-            rows = slice(first * n_beams, (first + len(some)) * n_beams)
-            starts = np.repeat(some[:, [3, 7, 11]], n_beams, axis=0)
-            is_return = np.isfinite(ranges[rows])
-            reach = np.where(is_return, ranges[rows], np.nan)[:, None]
-            points[rows] = starts + reach * _primfit.turned(some, beams)
-    return Scan(
+    if believed is not planar:
+        points = None
+    return scan_of(
+        lidar,
+        transforms,
+        ranges,
         points=points,
-        origins=partial(np.repeat, transforms[:, [3, 7, 11]], n_beams, axis=0),
-        directions=partial(_primfit.turned, transforms, beams),
-        ranges=ranges,
-        layer=partial(np.tile, np.repeat(np.arange(layers), columns), n_poses),
-        column=partial(np.tile, np.arange(columns), n_poses * layers),
         pose_index=partial(np.repeat, valid, n_beams),
         solid_index=ids,
-        sigma=sigma,
-        min_range=lidar.min_range,
-        max_range=lidar.max_range,
         path=believed,
         true_path=planar,
+        **measured,
         **truth,
     )
 
 
+def scan_of(
+    sensor: Sensor, transforms: Floats, ranges: Floats, *, points: Floats | None = None, **more: Any
+) -> Scan:
+    """The scan of what a sensor read (n,) from poses (p, 16), and of what else is known of it."""
+    poses = np.ascontiguousarray(transforms.reshape(-1, 16))
+    layers, columns, _ = sensor.directions.shape
+    beams = np.ascontiguousarray(sensor.directions.reshape(-1, 3))
+    n_poses, n_beams = len(poses), len(beams)
+    known = {
+        "pose_index": partial(np.repeat, np.arange(n_poses), n_beams),
+        **_measured(sensor, ranges),
+        **more,
+    }
+    return Scan(
+        points=_ends(poses, beams, ranges) if points is None else points,
+        origins=partial(np.repeat, poses[:, [3, 7, 11]], n_beams, axis=0),
+        directions=partial(_primfit.turned, poses, beams),
+        ranges=ranges,
+        layer=partial(np.tile, np.repeat(np.arange(layers), columns), n_poses),
+        column=partial(np.tile, np.arange(columns), n_poses * layers),
+        **known,
+    )
+
+
+def _ends(transforms: Floats, beams: Floats, ranges: Floats) -> Floats:
+    """Where beams (m, 3) from poses (p, 16) end (p * m, 3); NaN without a return."""
+    points, n_beams = np.empty((len(ranges), 3)), len(beams)
+    at_once = max(1, _BEAMS_AT_ONCE // n_beams)
+    for first in range(0, len(transforms), at_once):
+        some = transforms[first : first + at_once]
+        rows = slice(first * n_beams, (first + len(some)) * n_beams)
+        starts = np.repeat(some[:, [3, 7, 11]], n_beams, axis=0)
+        reach = np.where(np.isfinite(ranges[rows]), ranges[rows], np.nan)[:, None]
+        points[rows] = starts + reach * _primfit.turned(some, beams)
+    return points
+
+
 def _cast(
     world: World,
-    lidar: Lidar,
+    sensor: Sensor,
     transforms: Floats,
-    at_once: int,
     seed: int,
     n_jobs: int | None,
     tell: Callable[[int], None],
 ) -> tuple[Floats, Floats, Ints]:
-    """Points, ranges and what is met by the beams of a perfect lidar from poses (p, 16)."""
+    """Points, ranges and what is met by the beams of a sensor from poses (p, 16)."""
     caster = RayCaster(world)._core
-    beams = lidar.directions.reshape(-1, 3)
-    gate = (lidar.min_range, lidar.max_range, lidar.noise * lidar.max_range, lidar.resolution)
+    beams, gate = np.ascontiguousarray(sensor.directions.reshape(-1, 3)), sensor.gate
     n_poses, n_beams = len(transforms), len(beams)
+    at_once = max(1, _BEAMS_AT_ONCE // n_beams)
     n = n_poses * n_beams
     points, ranges, ids = np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64)
     for first in range(0, n_poses, at_once):
@@ -196,6 +219,37 @@ def _cast(
         caster.scan(some, beams, gate, (seed, rows.start), *out, n_jobs)
         tell(first + len(some))
     return points, ranges, ids
+
+
+def _measured(sensor: Sensor, ranges: Floats) -> dict[str, Any]:
+    """What a scan says of how a sensor measures each beam, of images when it is asked for."""
+    images = ranges.reshape(-1, *sensor.directions.shape[:2])
+    later = {
+        "sigma": partial(_sigma, sensor, images),
+        "min_range": partial(_limit, sensor, 0, images),
+        "max_range": partial(_limit, sensor, 1, images),
+    }
+    if isinstance(sensor.gate, RangeGate):
+        return {name: value() for name, value in later.items()}
+    return {**later, "depths": partial(_depths, sensor, images)}
+
+
+def _sigma(sensor: Sensor, images: Floats) -> float | Floats:
+    return _of_beams(sensor.sigma_of(images), images)
+
+
+def _limit(sensor: Sensor, which: int, images: Floats) -> float | Floats:
+    return _of_beams(sensor.limits[which], images)
+
+
+def _depths(sensor: Sensor, images: Floats) -> Floats:
+    depths: Floats = (images * sensor.directions[..., 2]).ravel()
+    return depths
+
+
+def _of_beams(values: float | Floats, images: Floats) -> float | Floats:
+    """One number for all beams of images, or those of each (n,)."""
+    return np.broadcast_to(values, images.shape).ravel() if np.ndim(values) else values
 
 
 def _in_turn(some: slice, *, path: Floats, used: Ints, lidar: Lidar) -> Floats:
@@ -243,7 +297,7 @@ def _noise_of_poses(
     return as_pose_sigmas(name, noise)
 
 
-def as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, Floats | None]:
+def as_transforms(path: ArrayLike, lidar: Sensor) -> tuple[Floats, Floats | None]:
     """Sensor poses (n, 4, 4), and the path (n, 3) of the robot if it is planar."""
     try:
         array = np.asarray(path, dtype=np.float64)
@@ -268,7 +322,7 @@ def as_transforms(path: ArrayLike, lidar: Lidar) -> tuple[Floats, Floats | None]
     return _mounted(array, lidar), np.array(array)
 
 
-def _mounted(path: Floats, lidar: Lidar) -> Floats:
+def _mounted(path: Floats, lidar: Sensor) -> Floats:
     """Sensor poses (n, 4, 4) of a robot on a planar path (n, 3)."""
     x, y, yaw = path.T
     robots = np.tile(np.eye(4), (len(path), 1, 1))

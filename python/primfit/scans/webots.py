@@ -16,8 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from primfit._check import Floats, instance
 from primfit._files import as_path, replacing
-from primfit.scans.lidar import E_PUCK_TURRET, Lidar
 from primfit.scans.scanning import as_transforms
+from primfit.sensors.lidar import Lidar
+from primfit.sensors.mounts import E_PUCK_TURRET
 from primfit.worlds.formats.vrml import Node, nodes_of
 from primfit.worlds.formats.wbt import children_of, placement, text_of
 from primfit.worlds.world import World

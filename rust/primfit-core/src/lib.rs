@@ -30,15 +30,15 @@ pub use dbscan::dbscan;
 pub use error::Error;
 pub use fit::{PlaneFit, fit_plane, fit_plane_to_ranges};
 pub use likelihood::{
-    BeamBlocks, Beams, Candidate, Climb, Effort, Family, Grid, LevelLines, Local, PoseBeams,
-    PoseSums, Posterior, Prices, RIGID, Region, Robust, Slope, Spans, Surroundings, carve,
-    prism_costs, prism_ranges, sample, wall_depths,
+    BeamBlocks, Beams, Candidate, Climb, Effort, Family, Grid, LevelLines, Limits, Local,
+    PoseBeams, PoseSums, Posterior, Prices, RIGID, Region, Robust, Slope, Spans, Surroundings,
+    carve, prism_costs, prism_ranges, sample, wall_depths,
 };
 pub use neighbors::{LocalPlane, Neighbor, PointTree};
 pub use organised::{ImageSegmentation, segment_image};
 pub use outlines::{Outline, Place, laid_out, outlines, thinned};
 pub use parts::{PartPlane, Wanted, fit_parts};
-pub use rays::{Gate, Hits, RayCaster, Readings, Transform, turned};
+pub use rays::{DepthGate, Eye, Gate, Hits, RangeGate, RayCaster, Readings, Transform, turned};
 pub use scoring::{Score, score_planes};
 pub use segmentation::{Segmentation, SegmentationSettings, segment};
 pub use workers::Workers;

@@ -13,7 +13,7 @@ mod poses;
 mod sampling;
 mod student;
 
-pub use beams::{BeamBlocks, Beams, Candidate, Prices};
+pub use beams::{BeamBlocks, Beams, Candidate, Limits, Prices};
 pub use carving::{Grid, Spans, carve};
 pub use climbing::{Climb, Slope};
 pub use costs::prism_costs;

@@ -6,10 +6,66 @@ use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadwriteArray1, PyReadwriteArray2,
 };
-use primfit_core::{Gate, Readings};
+use primfit_core::{DepthGate, Eye, RangeGate, Readings};
 use pyo3::prelude::*;
 
 type Hits<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
+
+/// How a sensor makes readings, as the gates of `primfit.sensors.sensor` say it.
+#[derive(FromPyObject)]
+enum Gate {
+    Range {
+        min_range: f64,
+        max_range: f64,
+        sigma: f64,
+        resolution: f64,
+    },
+    Depth {
+        min_depth: f64,
+        max_depth: f64,
+        sigma: [f64; 3],
+        resolution: f64,
+        width: usize,
+        disparity: f64,
+        disparity_noise: f64,
+        disparity_step: f64,
+        shadow: bool,
+        stereo: bool,
+    },
+}
+
+impl Gate {
+    fn with_seed(self, seed: u64) -> primfit_core::Gate {
+        match self {
+            Self::Range { min_range, max_range, sigma, resolution } => {
+                let gate = RangeGate { min_range, max_range, sigma, seed, resolution };
+                primfit_core::Gate::Range(gate)
+            }
+            Self::Depth {
+                min_depth,
+                max_depth,
+                sigma,
+                resolution,
+                width,
+                disparity,
+                disparity_noise,
+                disparity_step,
+                shadow,
+                stereo,
+            } => {
+                let eye = Eye {
+                    disparity,
+                    sigma: disparity_noise,
+                    step: disparity_step,
+                    has_shadow: shadow,
+                    is_camera: stereo,
+                };
+                let gate = DepthGate { min_depth, max_depth, sigma, seed, resolution, width, eye };
+                primfit_core::Gate::Depth(gate)
+            }
+        }
+    }
+}
 
 type Mesh<'py> = (Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray1<i64>>>);
 
@@ -77,7 +133,7 @@ impl RayCaster {
         py: Python,
         poses: PyReadonlyArray2<f64>,
         beams: PyReadonlyArray2<f64>,
-        gate: [f64; 4],
+        gate: Gate,
         noise: (u64, u64),
         mut points: PyReadwriteArray2<f64>,
         mut ranges: PyReadwriteArray1<f64>,
@@ -85,9 +141,8 @@ impl RayCaster {
         n_jobs: Option<usize>,
     ) -> PyResult<()> {
         let (poses, beams) = (rows("poses", &poses)?, rows("beams", &beams)?);
-        let [min_range, max_range, sigma, resolution] = gate;
         let (seed, first) = noise;
-        let gate = Gate { min_range, max_range, sigma, seed, resolution };
+        let gate = gate.with_seed(seed);
         let points = rows_mut("points", &mut points)?;
         let (ranges, ids) = (ranges.as_slice_mut()?, ids.as_slice_mut()?);
         let n = poses.len() * beams.len();

@@ -21,26 +21,26 @@ pub fn residuals<'py>(
     Ok(distances.into_pyarray(py))
 }
 
-/// A beam without return went as far as `farthest`.
+/// Lengths (n,) tell how far each beam went at the least.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
 pub fn passages<'py>(
     py: Python<'py>,
     origins: PyReadonlyArray2<f64>,
     directions: PyReadonlyArray2<f64>,
-    ranges: PyReadonlyArray1<f64>,
-    farthest: f64,
+    lengths: PyReadonlyArray1<f64>,
     equation: [f64; 4],
     axes: [[f64; 3]; 2],
     clear: f64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (origins, directions) = (rows("origins", &origins)?, rows("directions", &directions)?);
-    let ranges = ranges.as_slice()?;
+    let lengths = lengths.as_slice()?;
     same_length("directions", directions.len(), "origins", origins.len())?;
-    same_length("ranges", ranges.len(), "origins", origins.len())?;
-    let lengths = ranges.iter().map(|&range| if range.is_finite() { range } else { farthest });
-    let places =
-        py.detach(|| primfit_core::passages(origins, directions, lengths, equation, axes, clear));
+    same_length("lengths", lengths.len(), "origins", origins.len())?;
+    let places = py.detach(|| {
+        let lengths = lengths.iter().copied();
+        primfit_core::passages(origins, directions, lengths, equation, axes, clear)
+    });
     let n = places.len();
     places.into_flattened().into_pyarray(py).reshape([n, 2])
 }

@@ -7,7 +7,7 @@ use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
 };
-use primfit_core::{Beams, Candidate, Effort, Grid, Prices, Region, Slope, Spans};
+use primfit_core::{Beams, Candidate, Effort, Grid, Limits, Prices, Region, Slope, Spans};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -28,6 +28,30 @@ type Posterior<'py> = (
 #[pyclass(frozen, module = "primfit._primfit")]
 pub struct BeamBlocks(primfit_core::BeamBlocks);
 
+/// Shortest and longest ranges that give a return: two numbers for all beams, or (2, n) of each.
+#[derive(FromPyObject)]
+pub enum BeamLimits<'py> {
+    All([f64; 2]),
+    Each(PyReadonlyArray2<'py, f64>),
+}
+
+impl BeamLimits<'_> {
+    /// Those of `n` beams.
+    pub fn checked(&self, n: usize) -> PyResult<Limits<'_>> {
+        match self {
+            Self::All(limits) => Ok(Limits::All(*limits)),
+            Self::Each(limits) => {
+                let [2, length] = limits.shape() else {
+                    return Err(PyValueError::new_err("limits must have shape (2, n)"));
+                };
+                same_length("limits", *length, "origins", n)?;
+                let (low, high) = limits.as_slice()?.split_at(n);
+                Ok(Limits::Each([low, high]))
+            }
+        }
+    }
+}
+
 #[pymethods]
 impl BeamBlocks {
     #[new]
@@ -40,7 +64,7 @@ impl BeamBlocks {
         ranges: PyReadonlyArray1<f64>,
         background: PyReadonlyArray1<f64>,
         sigmas: PyReadonlyArray1<f64>,
-        limits: [f64; 2],
+        limits: BeamLimits,
         outlier: f64,
         missing: f64,
     ) -> PyResult<Self> {
@@ -50,14 +74,14 @@ impl BeamBlocks {
             ranges: ranges.as_slice()?,
             background: background.as_slice()?,
             sigmas: sigmas.as_slice()?,
+            limits: limits.checked(origins.shape()[0])?,
         };
         let n = beams.origins.len();
         same_length("directions", beams.directions.len(), "origins", n)?;
         same_length("ranges", beams.ranges.len(), "origins", n)?;
         same_length("background", beams.background.len(), "origins", n)?;
         same_length("sigmas", beams.sigmas.len(), "origins", n)?;
-        let [min_range, max_range] = limits;
-        let prices = Prices { min_range, max_range, outlier, missing };
+        let prices = Prices { outlier, missing };
         Ok(Self(py.detach(|| primfit_core::BeamBlocks::new(beams, prices))))
     }
 

@@ -2,6 +2,7 @@
 
 use crate::arrays::{rows, same_length};
 use crate::door;
+use crate::likelihood::BeamLimits;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1,
     PyReadonlyArray2,
@@ -61,20 +62,21 @@ impl PoseBeams {
         directions: PyReadonlyArray2<f64>,
         ranges: PyReadonlyArray1<f64>,
         sigmas: PyReadonlyArray1<f64>,
-        limits: [f64; 2],
+        limits: BeamLimits,
     ) -> PyResult<Self> {
+        let n = ranges.len()?;
+        let limits = limits.checked(n)?;
         let beams = primfit_core::PoseBeams {
             starts,
             origins: rows("origins", &origins)?.to_vec(),
             directions: rows("directions", &directions)?.to_vec(),
             ranges: ranges.as_slice()?.to_vec(),
             sigmas: sigmas.as_slice()?.to_vec(),
-            limits,
+            limits: (0..n).map(|row| limits.of(row)).collect(),
         };
-        let n = beams.origins.len();
-        same_length("directions", beams.directions.len(), "origins", n)?;
-        same_length("ranges", beams.ranges.len(), "origins", n)?;
-        same_length("sigmas", beams.sigmas.len(), "origins", n)?;
+        same_length("directions", beams.directions.len(), "ranges", n)?;
+        same_length("origins", beams.origins.len(), "ranges", n)?;
+        same_length("sigmas", beams.sigmas.len(), "ranges", n)?;
         let ascends = beams.starts.is_sorted() && beams.starts.last() == Some(&n);
         if !ascends {
             return Err(PyValueError::new_err("starts must ascend up to the number of beams"));

@@ -25,15 +25,33 @@ pub struct Beams<'a> {
     pub background: &'a [f64],
     /// Standard deviation of its range.
     pub sigmas: &'a [f64],
+    /// Which true ranges give a return.
+    pub limits: Limits<'a>,
+}
+
+/// True ranges outside give no return.
+#[derive(Clone, Copy)]
+pub enum Limits<'a> {
+    /// Shortest and longest range of all beams.
+    All([f64; 2]),
+    /// Shortest and longest ranges, one of each a beam.
+    Each([&'a [f64]; 2]),
+}
+
+impl Limits<'_> {
+    /// Shortest and longest range of a beam.
+    #[must_use]
+    pub fn of(&self, row: usize) -> [f64; 2] {
+        match self {
+            Self::All(limits) => *limits,
+            Self::Each(limits) => limits.map(|each| each[row]),
+        }
+    }
 }
 
 /// What beams cost that the model does not explain.
 #[derive(Clone, Copy)]
 pub struct Prices {
-    /// True ranges nearer give no return.
-    pub min_range: f64,
-    /// True ranges beyond give no return.
-    pub max_range: f64,
     /// Most that a return costs, whatever its range.
     pub outlier: f64,
     /// Cost of a return that should be there and is not.
@@ -60,29 +78,6 @@ pub struct BeamBlocks {
     pub(super) blocks: Vec<Block>,
     /// Middle of the origins, from which all places are taken.
     pub(super) middle: Vector,
-    pub(super) limits: Limits,
-}
-
-/// Lowest and highest true range that gives a return.
-#[derive(Clone, Copy)]
-pub(crate) struct Limits {
-    pub low: Real,
-    pub high: Real,
-}
-
-#[allow(clippy::inline_always)]
-impl Limits {
-    /// What is `inside` where a range gives a return, and `outside` elsewhere.
-    #[inline(always)]
-    pub fn select<L: Lanes<Array = [Real; N]>, const N: usize>(
-        self,
-        range: L,
-        inside: L,
-        outside: L,
-    ) -> L {
-        let inside = L::splat(self.low).where_le(range, inside, outside);
-        range.where_le(L::splat(self.high), inside, outside)
-    }
 }
 
 pub(super) type Block = Beam<[Real; BLOCK]>;
@@ -95,6 +90,8 @@ const NONE: Beam<Real> = Beam {
     precision: 0.0,
     most: 0.0,
     nothing: 0.0,
+    low: 0.0,
+    high: 0.0,
     ux: 0.0,
     uy: 0.0,
     across: 0.0,
@@ -106,7 +103,7 @@ impl BeamBlocks {
     /// Beams of equally long slices.
     #[must_use]
     pub fn new(beams: Beams, prices: Prices) -> Self {
-        let Prices { min_range, max_range, outlier, missing } = prices;
+        let Prices { outlier, missing } = prices;
         let len = beams.ranges.len();
         let scale = 1.0 / len.max(1) as f64;
         let middle = std::array::from_fn(|x| {
@@ -116,6 +113,7 @@ impl BeamBlocks {
             let [x, y, z] = std::array::from_fn(|x| beams.origins[row][x] - middle[x]);
             let [ux, uy, uz] = beams.directions[row];
             let is_return = beams.ranges[row] < f64::INFINITY;
+            let [low, high] = beams.limits.of(row);
             Beam {
                 z: z as Real,
                 uz: uz as Real,
@@ -124,6 +122,8 @@ impl BeamBlocks {
                 precision: (1.0 / beams.sigmas[row]) as Real,
                 most: (if is_return { outlier } else { missing }) as Real,
                 nothing: if is_return { outlier as Real } else { 0.0 },
+                low: low as Real,
+                high: high as Real,
                 ux: ux as Real,
                 uy: uy as Real,
                 across: (x * uy - y * ux) as Real,
@@ -133,8 +133,7 @@ impl BeamBlocks {
         };
         let beams: Vec<_> = (0..len).map(beam).collect();
         let blocks = beams.chunks(BLOCK).map(side_by_side).collect();
-        let limits = Limits { low: min_range as Real, high: max_range as Real };
-        Self { beams, blocks, middle, limits }
+        Self { beams, blocks, middle }
     }
 
     /// How many beams there are.
@@ -177,6 +176,8 @@ fn side_by_side(beams: &[Beam<Real>]) -> Block {
         precision: row(|beam| beam.precision),
         most: row(|beam| beam.most),
         nothing: row(|beam| beam.nothing),
+        low: row(|beam| beam.low),
+        high: row(|beam| beam.high),
         ux: row(|beam| beam.ux),
         uy: row(|beam| beam.uy),
         across: row(|beam| beam.across),

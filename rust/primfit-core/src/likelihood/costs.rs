@@ -3,7 +3,7 @@
 //! Each lane holds a prism, and one beam after the other meets them. Prisms that are alike have the
 //! same walls beside a beam, and those that it passes cost next to nothing.
 
-use super::beams::{BeamBlocks, Candidate, Limits};
+use super::beams::{BeamBlocks, Candidate};
 use super::meeting::{Beam, Real, Walls};
 use crate::instructions::widest;
 use crate::lanes::{Isa, Lanes};
@@ -37,20 +37,19 @@ pub fn prism_costs(
     candidates: &[Candidate],
     workers: &Workers,
 ) -> Result<Vec<f64>, Error> {
-    costs(&beams.beams, beams.middle, beams.limits, candidates, workers)
+    costs(&beams.beams, beams.middle, candidates, workers)
 }
 
 /// Of candidates with equally many corners, by beams relative to their middle.
 pub(super) fn costs(
     beams: &[Beam<Real>],
     middle: Vector,
-    limits: Limits,
     candidates: &[Candidate],
     workers: &Workers,
 ) -> Result<Vec<f64>, Error> {
     let groups: Vec<_> =
         candidates.chunks(LANES).map(|group| side_by_side(group, middle)).collect();
-    let sums = |groups: &[_]| sums_of_costs(beams, groups, limits);
+    let sums = |groups: &[_]| sums_of_costs(beams, groups);
     let mut costs = Vec::with_capacity(groups.len());
     if candidates.len() * beams.len() < FEW {
         costs = sums(&groups);
@@ -87,7 +86,6 @@ widest! {
 fn sums_of_costs(
     beams: &[Beam<Real>],
     groups: &[Walls<[Real; LANES]>],
-    limits: Limits,
 ) -> Vec<[f64; LANES]> {
     type Lane = <Set as Isa>::Eight;
     let mut costs = vec![[0.0; LANES]; groups.len()];
@@ -97,7 +95,7 @@ fn sums_of_costs(
         for beam in run {
             for (walls, sum) in groups.iter().zip(&mut sums) {
                 let nearest = beam.meet(walls, Lane::splat(beam.background));
-                *sum = *sum + beam.costs(nearest, limits);
+                *sum = *sum + beam.costs(nearest);
             }
         }
         for (costs, sums) in costs.iter_mut().zip(&sums) {

@@ -6,7 +6,7 @@
 //! each candidate.
 
 use super::Candidate;
-use super::beams::{BLOCK, BeamBlocks, Block, Limits, Row};
+use super::beams::{BLOCK, BeamBlocks, Block, Row};
 use super::meeting::{Real, Walls};
 use crate::instructions::widest;
 use crate::lanes::{Isa, Lanes};
@@ -61,8 +61,7 @@ fn sum_walls(
             let nearest = block.meet(walls, Lane::load(&block.background));
             let mut weight = [1.0; BLOCK];
             if let Some([slack, top_slack]) = slack {
-                let may_change =
-                    may_change(block, walls, nearest, slack, top_slack, beams.limits);
+                let may_change = may_change(block, walls, nearest, slack, top_slack);
                 let n_beams = BLOCK.min(beams.len() - number * BLOCK);
                 for (i, weight) in weight.iter_mut().enumerate().take(n_beams) {
                     if may_change >> i & 1 == 1 {
@@ -72,9 +71,9 @@ fn sum_walls(
                 }
             }
             let weight = Lane::load(&weight);
-            let costs = block.costs(nearest, beams.limits);
+            let costs = block.costs(nearest);
             run_cost = run_cost + weight * costs;
-            add_slopes(block, walls, nearest, weight, beams.limits, &mut run_sums);
+            add_slopes(block, walls, nearest, weight, &mut run_sums);
         }
         cost += total(run_cost);
         for (sums, run_sums) in sums.iter_mut().zip(&run_sums) {
@@ -104,14 +103,13 @@ fn add_slopes<L: Row>(
     walls: &Walls<Real>,
     nearest: L,
     weight: L,
-    limits: Limits,
     sums: &mut [[L; 5]],
 ) {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     // Sigmas a metre where the range counts, else nothing, and no infinite residual beside it.
     let residual: L = block.residuals(nearest);
     let precision = weight * L::load(&block.precision);
-    let precision = limits.select(nearest, precision, zero);
+    let precision = block.within(nearest, precision, zero);
     let square = L::splat(0.5) * residual * residual;
     let precision = L::load(&block.most).where_le(square, zero, precision);
     let residual = zero.where_le(zero - precision, zero, residual);
@@ -174,13 +172,12 @@ fn may_change<L: Row>(
     nearest: L,
     slack: Real,
     top_slack: Real,
-    limits: Limits,
 ) -> u32 {
     let zero = L::splat(0.0);
     let (bottom, top) = (L::splat(walls.bottom), L::splat(walls.top));
     let (z, uz) = (L::load(&block.z), L::load(&block.uz));
     let (level, background) = (L::load(&block.level), L::load(&block.background));
-    let [low, high] = [limits.low, limits.high].map(L::splat);
+    let [low, high] = [&block.low, &block.high].map(L::load);
     // How far along a beam a wall may move that it crosses at right angles.
     let play = L::splat(slack) * L::load(&block.level.map(Real::sqrt));
     let (mut open, mut crossed) = (0, 0);

@@ -1,6 +1,6 @@
 //! The likelihood near one prism: a quadratic, and the beams at its silhouettes.
 
-use super::beams::{BeamBlocks, Candidate, Limits};
+use super::beams::{BeamBlocks, Candidate};
 use super::costs::costs;
 use super::expansion::{Expansion, expand};
 use super::family::Family;
@@ -31,7 +31,6 @@ pub struct Local {
     pub smooth: Expansion,
     open: Vec<Beam<Real>>,
     middle: Vector,
-    limits: Limits,
     is_open: bool,
 }
 
@@ -55,7 +54,6 @@ impl Local {
             open: smooth.open.iter().map(|&i| beams.beams[i]).collect(),
             smooth,
             middle: beams.middle,
-            limits: beams.limits,
             is_open: candidate.is_open,
         }
     }
@@ -104,7 +102,7 @@ impl Local {
                 is_open: self.is_open,
             })
             .collect();
-        let costs = costs(&self.open, self.middle, self.limits, &candidates, workers)?;
+        let costs = costs(&self.open, self.middle, &candidates, workers)?;
         for (i, cost) in near.into_iter().zip(costs) {
             all[i] += self.weight * cost;
         }

@@ -1,6 +1,5 @@
 //! Where beams meet the walls of prisms, whichever of the two there are several of.
 
-use super::beams::Limits;
 use crate::lanes::Lanes;
 
 /// Precision of the kernels: twice as many numbers a register as in double precision, and an error
@@ -42,6 +41,9 @@ pub(crate) struct Beam<T> {
     /// Most that a beam costs where a surface is in range, and what it costs where none is.
     pub most: T,
     pub nothing: T,
+    /// Lowest and highest true range that gives a return.
+    pub low: T,
+    pub high: T,
     pub ux: T,
     pub uy: T,
     pub across: T,
@@ -157,17 +159,24 @@ impl<T> Beam<T> {
 
     /// Cost of beams that should meet a surface at `expected`, those outside the limits none.
     #[inline(always)]
-    pub fn costs<const N: usize, L: Lanes<Array = [Real; N]>>(
-        &self,
-        expected: L,
-        limits: Limits,
-    ) -> L
+    pub fn costs<L: Lanes>(&self, expected: L) -> L
     where
         T: Spread<L>,
     {
         let residual = self.residuals(expected);
         let explained = (L::splat(0.5) * residual * residual).min(self.most.lanes());
-        limits.select(expected, explained, self.nothing.lanes())
+        self.within(expected, explained, self.nothing.lanes())
+    }
+
+    /// What is `inside` where a range gives a return, and `outside` elsewhere.
+    #[inline(always)]
+    pub fn within<L: Lanes>(&self, range: L, inside: L, outside: L) -> L
+    where
+        T: Spread<L>,
+    {
+        let low: L = self.low.lanes();
+        let inside = low.where_le(range, inside, outside);
+        range.where_le(self.high.lanes(), inside, outside)
     }
 
     /// By how many standard deviations ranges exceed what is expected.

@@ -37,8 +37,8 @@ pub struct PoseBeams {
     pub ranges: Vec<f64>,
     /// Standard deviations of the ranges.
     pub sigmas: Vec<f64>,
-    /// Shortest and longest true range that gives a return.
-    pub limits: [f64; 2],
+    /// Shortest and longest true range that gives a return, of each beam.
+    pub limits: Vec<[f64; 2]>,
 }
 
 /// How residuals count.
@@ -226,7 +226,7 @@ impl PoseBeams {
         });
         let (sigma, blur) = (self.sigmas[beam.row], robust.blur / cosine);
         let variance = sigma * sigma + blur * blur;
-        let [low, high] = self.limits;
+        let [low, high] = self.limits[beam.row];
         let doubt = DOUBTFUL * blur;
         if !range.is_finite() {
             let surely = met.range >= low + doubt && met.range <= high - doubt;
@@ -414,7 +414,7 @@ mod tests {
             directions: directions.collect(),
             ranges: (0..n).map(|i| 0.9 + 0.01 * f64::from(i % 5)).collect(),
             sigmas: vec![0.01; n as usize],
-            limits: [0.0, 10.0],
+            limits: vec![[0.0, 10.0]; n as usize],
         }
     }
 

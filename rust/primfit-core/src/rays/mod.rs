@@ -8,6 +8,7 @@
 mod beam;
 mod bundle;
 mod caster;
+mod depth;
 mod interleaved;
 mod leaf;
 mod memory;
@@ -25,4 +26,5 @@ mod triangle;
 mod walk;
 
 pub use caster::{Hits, RayCaster};
-pub use scan::{Gate, Readings, Transform, turned};
+pub use depth::{DepthGate, Eye};
+pub use scan::{Gate, RangeGate, Readings, Transform, turned};

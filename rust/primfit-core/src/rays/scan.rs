@@ -5,6 +5,7 @@
 #![allow(clippy::needless_bitwise_bool, clippy::needless_range_loop)]
 
 use super::caster::{RayCaster, Way};
+use super::depth::DepthGate;
 use super::query::{Nearest, Query, by_axis, unit};
 use super::tiles::Tiles;
 use crate::{Error, Vector, Workers};
@@ -29,7 +30,16 @@ pub type Transform = [f64; 16];
 
 /// How a sensor makes readings of true ranges.
 #[derive(Clone, Copy, Debug)]
-pub struct Gate {
+pub enum Gate {
+    /// By how far a beam goes.
+    Range(RangeGate),
+    /// By how far that is along the optical axis.
+    Depth(DepthGate),
+}
+
+/// How a sensor makes readings of true ranges by these alone.
+#[derive(Clone, Copy, Debug)]
+pub struct RangeGate {
     /// A true range below has no reading.
     pub min_range: f64,
     /// A true range above has no reading.
@@ -42,7 +52,11 @@ pub struct Gate {
     pub resolution: f64,
 }
 
-impl Gate {
+impl RangeGate {
+    /// True ranges themselves.
+    const EXACT: Self =
+        Self { min_range: 0.0, max_range: f64::INFINITY, sigma: 0.0, seed: 0, resolution: 0.0 };
+
     /// What beams of some numbers read of true ranges; infinite for nothing.
     #[inline(always)]
     fn readings<const N: usize>(&self, ranges: &[f64; N], numbers: [u64; N]) -> [f64; N] {
@@ -52,21 +66,36 @@ impl Gate {
             *range = if is_within { *range } else { f64::INFINITY };
         }
         if self.sigma > 0.0 {
+            let noise = Noise { seed: self.seed };
             for (reading, number) in readings.iter_mut().zip(numbers) {
-                *reading += self.sigma * self.noise(number);
+                *reading += self.sigma * noise.of(number);
             }
         }
         if self.resolution > 0.0 {
             for reading in &mut readings {
-                *reading = (*reading / self.resolution).round_ties_even() * self.resolution;
+                *reading = rounded(*reading, self.resolution);
             }
         }
         readings
     }
+}
 
+/// The whole number of steps that is nearest.
+#[inline(always)]
+pub(super) fn rounded(value: f64, step: f64) -> f64 {
+    (value / step).round_ties_even() * step
+}
+
+/// Numbers that depend on a seed and on the beam alone.
+#[derive(Clone, Copy)]
+pub(super) struct Noise {
+    pub seed: u64,
+}
+
+impl Noise {
     /// The standard normal noise of the beam of a number, whichever thread asks for it.
     #[inline(always)]
-    fn noise(&self, number: u64) -> f64 {
+    pub fn of(self, number: u64) -> f64 {
         let state = self.seed.wrapping_add(number.wrapping_mul(APART));
         StandardNormal.sample(&mut SplitMix64::seed_from_u64(state))
     }
@@ -107,7 +136,30 @@ impl RayCaster {
         let Readings { points, ranges, ids } = readings;
         assert!(points.len() == n && ranges.len() == n && ids.len() == n, "one row a reading");
         let beams = units(beams)?;
-        let way = self.way(Tiles::of(&beams).filter(|tiles| tiles.is_within(self.largest_tile())));
+        match gate {
+            Gate::Range(gate) => {
+                let readings = Readings { points, ranges, ids };
+                self.scan_by_range(poses, &beams, gate, first, readings, workers)
+            }
+            Gate::Depth(gate) => {
+                let exact = Readings { points: &mut *points, ranges: &mut *ranges, ids };
+                self.scan_by_range(poses, &beams, RangeGate::EXACT, first, exact, workers)?;
+                gate.read(poses, &beams, first, points, ranges, workers)
+            }
+        }
+    }
+
+    fn scan_by_range(
+        &self,
+        poses: &[Transform],
+        beams: &[Vector],
+        gate: RangeGate,
+        first: u64,
+        readings: Readings,
+        workers: &Workers,
+    ) -> Result<(), Error> {
+        let Readings { points, ranges, ids } = readings;
+        let way = self.way(Tiles::of(beams).filter(|tiles| tiles.is_within(self.largest_tile())));
         // Whole bands of tiles.
         let band = if let Way::Packets(tiles) = way { tiles.band() } else { 1 };
         let part = band * TASK.div_ceil(band);
@@ -174,7 +226,7 @@ fn units(beams: &[Vector]) -> Result<Cow<'_, [Vector]>, Error> {
 }
 
 #[inline(always)]
-fn rotated(pose: &Transform, [x, y, z]: Vector) -> Vector {
+pub(super) fn rotated(pose: &Transform, [x, y, z]: Vector) -> Vector {
     std::array::from_fn(|k| {
         let row = &pose[4 * k..4 * k + 3];
         row[0] * x + row[1] * y + row[2] * z
@@ -185,7 +237,7 @@ fn rotated(pose: &Transform, [x, y, z]: Vector) -> Vector {
 struct Part<'a> {
     pose: &'a Transform,
     beams: &'a [Vector],
-    gate: Gate,
+    gate: RangeGate,
     first: u64,
     names: Option<&'a [i64]>,
     readings: Readings<'a>,
@@ -259,8 +311,7 @@ mod tests {
     use super::*;
 
     fn noise(seed: u64) -> Vec<f64> {
-        let gate = Gate { min_range: 0.0, max_range: 1.0, sigma: 1.0, seed, resolution: 0.0 };
-        (0..200_000).map(|number| gate.noise(number)).collect()
+        (0..200_000).map(|number| Noise { seed }.of(number)).collect()
     }
 
     fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
