@@ -23,11 +23,15 @@ from .scans.scan import Scan
 from .scans.scanning import scan
 from .scans.webots import export_webots
 from .segmentation import SegmentationReport, evaluate_segmentation
+from .solids.frusta import Cone, Cylinder
+from .solids.polyhedron import Polyhedron
+from .solids.prism import Prism
+from .solids.solid import Solid
+from .solids.sphere import Sphere
+from .solids.torus import Torus
 from .worlds.arena import Arena
 from .worlds.paper_setting import built_of_walls, paper_path, paper_world
 from .worlds.paths import grid_path, waypoints
-from .worlds.polyhedron import Polyhedron
-from .worlds.prism import Prism
 from .worlds.random_worlds import WorldFullError, random_world
 from .worlds.world import World
 
@@ -37,7 +41,9 @@ __all__ = [
     "Arena",
     "BoxFit",
     "Cloud",
+    "Cone",
     "Contradiction",
+    "Cylinder",
     "Detection",
     "FoundArena",
     "FoundPolyhedron",
@@ -54,6 +60,9 @@ __all__ = [
     "Report",
     "Scan",
     "SegmentationReport",
+    "Solid",
+    "Sphere",
+    "Torus",
     "World",
     "WorldFullError",
     "as_cloud",

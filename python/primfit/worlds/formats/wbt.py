@@ -14,12 +14,13 @@ import numpy as np
 
 from primfit._check import Floats, Ints
 from primfit.geometry.extrusions import prism_faces, prism_vertices
+from primfit.solids.polyhedron import Polyhedron
+from primfit.solids.prism import Prism
+from primfit.solids.solid import Solid
 from primfit.worlds.arena import Arena
 from primfit.worlds.formats.vrml import Node, nodes_of
 from primfit.worlds.meshes import each_once
-from primfit.worlds.polyhedron import Polyhedron
-from primfit.worlds.prism import Prism
-from primfit.worlds.world import COLORS, OTHER_COLOR, Solid, World
+from primfit.worlds.world import COLORS, OTHER_COLOR, World
 
 _PROTOS = "https://raw.githubusercontent.com/cyberbotics/webots/R2023b/projects/objects"
 
