@@ -339,10 +339,7 @@ def _angle_of_axes(solid: Round, other: object) -> float:
     axis = getattr(other, "axis", None)
     if axis is None or solid.solid_kind == "sphere":
         return np.nan
-    cosine, sine = (
-        float(np.dot(solid.axis, axis)),
-        float(np.linalg.norm(np.cross(solid.axis, axis))),
-    )
+    cosine, sine = np.dot(solid.axis, axis), np.linalg.norm(np.cross(solid.axis, axis))
     return float(np.arctan2(sine, cosine if solid.solid_kind == "cone" else abs(cosine)))
 
 

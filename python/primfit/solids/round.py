@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import cached_property
 from typing import Any, Self
 
@@ -163,16 +163,20 @@ class Round(Solid):
 
     def moved(self, offset: ArrayLike) -> Self:
         """The solid moved by a vector (3,), metres."""
-        return replace(self, center=self.center + as_vector("offset", offset, 3))
+        place = self.center + as_vector("offset", offset, 3)
+        return type(self)(**(self._values() | {"center": place}))
+
+    def _values(self) -> dict[str, Any]:
+        return {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
 
     def to_dict(self) -> dict[str, Any]:
         """The solid as plain numbers, for JSON."""
-        values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
-        plain = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+        values = self._values().items()
+        plain = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values}
         return {"type": self.type_name, **plain}
 
     def __eq__(self, other: object) -> bool:
-        return type(other) is type(self) and other.to_dict() == self.to_dict()  # type: ignore[attr-defined]
+        return type(other) is type(self) and np.array_equal(other.row, self.row)
 
     def __hash__(self) -> int:
         return hash((self.type_name, *self.row.tolist()))

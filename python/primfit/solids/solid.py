@@ -15,8 +15,8 @@ from primfit.clouds.foreign import PointsLike
 class Solid(ABC):
     """A closed solid in the world, metres; it never changes.
 
-    A class of solids has a `type_name`, by which files call it, and is known by it from then on: worlds
-    hold, scan, draw, save and load whatever keeps this contract.
+    A class of solids has a `type_name`, by which files call it, and is known by it from then on:
+    worlds hold, scan, draw, save and load whatever keeps this contract.
     """
 
     type_name: ClassVar[str]

@@ -89,7 +89,7 @@ class World(Shown):
             solids = tuple(self.solids)
         except TypeError:
             raise TypeError(
-                f"solids must be a sequence of Prism, Polyhedron and other solids, not {self.solids!r}"
+                f"solids must be a sequence of Prism, Polyhedron and others, not {self.solids!r}"
             ) from None
         taken: list[Solid] = []
         for i, given in enumerate(solids):
