@@ -121,7 +121,8 @@ class Cylinder(_Frustum):
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", number("radius", self.radius, above=0.0))
         object.__setattr__(self, "height", number("height", self.height, above=0.0))
-        self._settle()
+        self._settle_axis()
+        self._settle_center()
 
     @property
     def _radii(self) -> tuple[float, float]:
@@ -194,7 +195,8 @@ class Cone(_Frustum):
                 f"top_radius must be less than radius ({self.radius:g}), not {self.top_radius:g}: "
                 f"turn the axis around, or take a Cylinder"
             )
-        self._settle()
+        self._settle_axis()
+        self._settle_center()
 
     @property
     def _radii(self) -> tuple[float, float]:

@@ -181,8 +181,8 @@ class Round(Solid):
     def __hash__(self) -> int:
         return hash((self.type_name, *self.row.tolist()))
 
-    def _settle(self) -> None:
-        """Takes `axis` at unit length, and the place that `center` means."""
+    def _settle_axis(self) -> None:
+        """Takes `axis` at unit length."""
         axis = as_vector("axis", self.axis, 3)
         if not axis.any():
             raise ValueError("axis must not be zero")
@@ -191,6 +191,9 @@ class Round(Solid):
             axis = axis / np.abs(axis).max()
             axis = axis / lengths_of(axis)
         object.__setattr__(self, "axis", np.array(axis))
+
+    def _settle_center(self) -> None:
+        """Takes the place that `center` means, which follows from lengths and axis."""
         place = np.zeros(2) if self.center is None else as_floats("center", self.center)
         if place.shape not in ((2,), (3,)):
             raise ValueError(f"center must have shape (3,) or (2,), not {place.shape}")

@@ -47,7 +47,7 @@ class Sphere(Round):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", number("radius", self.radius, above=0.0))
-        self._settle()
+        self._settle_center()
 
     @property
     def axis(self) -> Floats:

@@ -60,7 +60,8 @@ class Torus(Round):
             raise ValueError(
                 f"radius must be less than major_radius ({major:g}), not {self.radius:g}"
             )
-        self._settle()
+        self._settle_axis()
+        self._settle_center()
 
     @property
     def circles(self) -> tuple[tuple[float, float], ...]:
