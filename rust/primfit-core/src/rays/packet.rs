@@ -290,7 +290,7 @@ impl Packet {
     fn meet<I: Isa>(&mut self, tree: &Tree, row: u32, mask: u32) {
         let (round, id) = (&tree.rounds[row as usize], tree.round_id(row));
         if mask.count_ones() > FEW_CANDIDATES {
-            self.take::<I>(&round.cast(self.origin, &self.bundle.exact), id);
+            self.take::<I>(&round.cast(self.origin, &self.bundle.exact, mask), id);
             return;
         }
         let mut rest = mask;

@@ -115,11 +115,14 @@ impl Round {
     }
 
     /// Distances to it, at zero or beyond, along unit directions by axis; infinite for none.
+    ///
+    /// Rays without a bit in `mask` need no answer, but get a right or an infinite one.
     #[inline(always)]
     pub(super) fn cast<const N: usize>(
         &self,
         origin: Vector,
         directions: &[[f64; N]; 3],
+        mask: u32,
     ) -> [f64; N] {
         match *self {
             Self::Sphere { center, radius } => {
@@ -138,10 +141,12 @@ impl Round {
             }
             Self::Torus { center, axis, major_radius, radius } => {
                 let from = minus(origin, center);
-                let mut ranges = [0.0; N];
+                let mut ranges = [f64::INFINITY; N];
                 for i in 0..N {
-                    let direction = [0, 1, 2].map(|k| directions[k][i]);
-                    ranges[i] = torus::cast(from, direction, axis, major_radius, radius);
+                    if mask >> i & 1 != 0 {
+                        let direction = [0, 1, 2].map(|k| directions[k][i]);
+                        ranges[i] = torus::cast(from, direction, axis, major_radius, radius);
+                    }
                 }
                 ranges
             }
@@ -151,7 +156,7 @@ impl Round {
     /// The same for one ray.
     #[inline(always)]
     pub(super) fn cast_one(&self, origin: Vector, direction: Vector) -> f64 {
-        let [range] = self.cast(origin, &direction.map(|x| [x]));
+        let [range] = self.cast(origin, &direction.map(|x| [x]), 1);
         range
     }
 }

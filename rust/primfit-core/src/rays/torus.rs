@@ -2,8 +2,10 @@
 //!
 //! Between the roots of its derivative the quartic has one root at most, and between those of its
 //! second derivative the derivative has. So roots are bracketed, from the quadratic upwards, and
-//! no root is lost. Signs and the last steps come from the distance to the circle of the tube,
-//! which is less rounded than the quartic.
+//! no root is lost. The last steps go by the distance to the circle of the tube, which is less
+//! rounded than the quartic.
+
+#![allow(clippy::inline_always)]
 
 use super::round::{along, dot};
 use crate::Vector;
@@ -12,8 +14,12 @@ use crate::Vector;
 const MARGIN: f64 = 1e-6;
 /// Steps of a root: each halves its bracket or does better.
 const STEPS: usize = 120;
-/// A step of this share of the size is the last.
-const LAST: f64 = 1e-16;
+/// A step of this share of the size is the last: a rounding or two.
+const LAST: f64 = 4e-16;
+/// The same for what is only a start: a quartic is flat at its crest by the square of this.
+const NEAR: f64 = 1e-8;
+/// Steps that bring a start to the last digit, where the ray does not graze the surface.
+const POLISHED: usize = 4;
 
 /// Distance to a torus about the origin, at zero or beyond; infinite for none.
 pub fn cast(from: Vector, direction: Vector, axis: Vector, major_radius: f64, radius: f64) -> f64 {
@@ -93,23 +99,48 @@ impl Tube {
     fn first(&self, quartic: &[f64; 5], low: f64, high: f64) -> Option<f64> {
         let slope: [f64; 4] = derivative(quartic);
         let bend: [f64; 3] = derivative(&slope);
-        let turns = turns_of(&bend);
-        let mut before = low;
-        let mut was_outside = self.outside(low).0 > 0.0;
-        let mut last = low;
-        for end in turns.into_iter().chain([high]) {
-            let end = end.clamp(low, high);
-            let crest = root(|s| (value(&slope, s), value(&bend, s)), last, end);
-            last = end;
-            for next in crest.into_iter().chain((end == high).then_some(high)) {
-                let is_outside = self.outside(next).0 > 0.0;
-                if is_outside != was_outside {
-                    return root(|s| self.outside(s), before, next);
+        let is_outside = |s| value(quartic, s) > 0.0;
+        let (mut before, was_outside) = (low, self.outside(low).0 > 0.0);
+        let (mut last, mut rose) = (low, value(&slope, low) > 0.0);
+        for turn in turns_of(&bend).into_iter().chain([high]) {
+            let turn = turn.clamp(last, high);
+            let rises = value(&slope, turn) > 0.0;
+            // Only at the end of a fall can what was outside be inside, and after a rise outside.
+            if rises != rose {
+                let with_bend = |s| (value(&slope, s), value(&bend, s));
+                let crest = root(with_bend, last, turn, rises, NEAR);
+                if is_outside(crest) != was_outside {
+                    return Some(self.between(quartic, &slope, before, crest, !was_outside));
                 }
-                (before, was_outside) = (next, is_outside);
+                before = crest;
+            }
+            (last, rose) = (turn, rises);
+        }
+        (is_outside(high) != was_outside)
+            .then(|| self.between(quartic, &slope, before, high, !was_outside))
+    }
+
+    /// The place on the surface between `low` and `high`, one of which is outside.
+    fn between(
+        &self,
+        quartic: &[f64; 5],
+        slope: &[f64; 4],
+        low: f64,
+        high: f64,
+        rises: bool,
+    ) -> f64 {
+        let near = root(|s| (value(quartic, s), value(slope, s)), low, high, rises, NEAR);
+        let mut s = near;
+        for _ in 0..POLISHED {
+            let (value, slope) = self.outside(s);
+            let step = value / slope;
+            s -= step;
+            if step.abs() <= LAST {
+                return s.clamp(low, high);
             }
         }
-        None
+        // A ray that grazes the surface.
+        root(|s| self.outside(s), low, high, rises, LAST)
     }
 }
 
@@ -128,12 +159,16 @@ fn turns_of([c, b, a]: &[f64; 3]) -> [f64; 2] {
     [middle - off, middle + off]
 }
 
-/// Where a function (value, derivative) of one sign at each end changes it; None when it does not.
-fn root(function: impl Fn(f64) -> (f64, f64), mut low: f64, mut high: f64) -> Option<f64> {
-    let rises = function(high).0 > 0.0;
-    if (function(low).0 > 0.0) == rises {
-        return None;
-    }
+/// Where a function (value, derivative) changes its sign between `low` and `high`, to a step of
+/// `precision`.
+#[inline(always)]
+fn root(
+    function: impl Fn(f64) -> (f64, f64),
+    mut low: f64,
+    mut high: f64,
+    rises: bool,
+    precision: f64,
+) -> f64 {
     let mut s = f64::midpoint(low, high);
     for step in 0..STEPS {
         let (value, slope) = function(s);
@@ -146,10 +181,10 @@ fn root(function: impl Fn(f64) -> (f64, f64), mut low: f64, mut high: f64) -> Op
         // Now and then a half, in case Newton's steps lead along a flat stretch.
         let is_newton = newton > low && newton < high && step % 8 != 7;
         let next = if is_newton { newton } else { f64::midpoint(low, high) };
-        if (next - s).abs() <= LAST {
-            return Some(next);
+        if (next - s).abs() <= precision {
+            return next;
         }
         s = next;
     }
-    Some(s)
+    s
 }
