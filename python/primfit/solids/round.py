@@ -161,6 +161,16 @@ class Round(Solid):
         vertices, faces = self._shell if segments == SEGMENTS else self._tessellated(segments)
         return vertices.copy(), fans(faces)
 
+    def surface_points(self) -> Floats:
+        """Points (n, 3) all over the surface but for the flat ends, metres."""
+        profile = self._profile(SEGMENTS)
+        steps = -(-SEGMENTS // (2 * (len(profile) - 1)))
+        at = np.arange((len(profile) - 1) * steps + 1) / steps
+        fine = np.stack(
+            [np.interp(at, np.arange(len(profile)), each) for each in profile.T], axis=1
+        )
+        return product(revolved(fine, SEGMENTS)[0], frame_about(self.axis)) + self.center
+
     def moved(self, offset: ArrayLike) -> Self:
         """The solid moved by a vector (3,), metres."""
         place = self.center + as_vector("offset", offset, 3)

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from primfit.solids.prism import Prism
+from primfit.solids.round import Round
 from primfit.solids.solid import Solid
 from primfit.worlds.world import World
 
@@ -55,8 +56,8 @@ def _overlap(one: Solid, other: Solid) -> bool:
 
 
 def _has_corner_in(one: Solid, other: Solid) -> bool:
-    """Whether a corner of `one`, drawn in a little, is inside `other`."""
-    corners = one.vertices
+    """Whether a corner of `one`, or a point of its round surface, is inside when drawn in."""
+    corners = one.surface_points() if isinstance(one, Round) else one.vertices
     drawn_in = corners + 1e-6 * (corners.mean(axis=0) - corners)
     if not isinstance(other, Prism):
         return bool(other.contains(drawn_in).any())

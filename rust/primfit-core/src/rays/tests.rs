@@ -215,19 +215,16 @@ fn within(numbers: &mut Numbers, round: &Round) -> Vector {
             let t = 0.9 * numbers.next();
             std::array::from_fn(|k| center[k] + t * half * axis[k])
         }
-        Round::Torus { center, axis, major_radius, .. } => {
-            let out = target_on(
-                numbers,
-                &Round::Frustum {
-                    center,
-                    axis,
-                    half: 0.0,
-                    base_radius: major_radius,
-                    top_radius: major_radius,
-                },
-            );
-            out
-        }
+        Round::Torus { center, axis, major_radius, .. } => target_on(
+            numbers,
+            &Round::Frustum {
+                center,
+                axis,
+                half: 0.0,
+                base_radius: major_radius,
+                top_radius: major_radius,
+            },
+        ),
     }
 }
 
