@@ -103,7 +103,12 @@ Solid { children [ Shape { geometry IndexedFaceSet {
   coordIndex [ 0 2 1 -1 4 1 3 -1 1 2 3 -1 2 4 3 -1 ] } } ] }
 Solid { children [ Shape { geometry IndexedFaceSet {
   coord Coordinate { point [ 0 0 0, 1 0 0, 0 1 0 ] } coordIndex [ 0 1 2 -1 ] } } ] }
-Solid { children [ Shape { geometry Sphere { radius 0.1 } } ] }
+Solid { translation -0.5 1 0.15 children [ Shape { geometry Sphere { radius 0.1 } } ] }
+Transform { translation -0.5 2 0.25 rotation 0 1 0 0.5 scale 2 2 2 children [
+  Shape { geometry Cone { bottomRadius 0.1 height 0.2 } }
+  Shape { geometry Cone { } } ] }
+Transform { translation 0 1.6 0.25 scale 1 1 2 children Shape {
+  geometry Cylinder { radius 0.1 height 0.2 } } }
 E-puck { turretSlot [ Lidar { numberOfLayers 8 } ] }
 """
 
@@ -112,10 +117,10 @@ class TestWebots:
     def test_every_node(self, tmp_path):
         (tmp_path / "world.wbt").write_text(ENU)
         world = primfit.World.load(tmp_path / "world.wbt")
-        assert world.left_out == {"Shape": 1, "Sphere": 1, "E-puck": 1}
+        assert world.left_out == {"Shape": 2, "E-puck": 1}
         np.testing.assert_allclose(world.arena.bounds, [[-1, 0], [3, 3]])
         assert world.arena.height == pytest.approx(0.4)
-        wall, cardboard, crate, box, leaning, above, wide, cylinder, tetrahedron = world.solids
+        wall, cardboard, crate, box, leaning, above, wide, cylinder, tetrahedron = world.solids[:9]
         np.testing.assert_allclose(wall.center, [2, 2, 0.15])
         np.testing.assert_allclose(np.ptp(wall.footprint, axis=0), [0.6, 0.1])
         assert (wall.kind, wall.base) == ("rectangle", pytest.approx(0.0))
@@ -128,7 +133,13 @@ class TestWebots:
         up = np.array([0, -np.sin(0.5), np.cos(0.5)])
         np.testing.assert_allclose(above.center - leaning.center, 0.5 * up, atol=1e-12)
         assert wide.volume == pytest.approx(2 * leaning.volume)
-        assert (cylinder.kind, cylinder.size) == ("circle", pytest.approx(0.1, rel=1e-2))
+        assert (cylinder.kind, cylinder.size) == ("circle", 0.1)
+        ball, cone, stretched = world.solids[9:]
+        assert (ball.kind, ball.size) == ("sphere", 0.1)
+        np.testing.assert_allclose(ball.center, [-0.5, 1, 0.1])
+        assert (cone.kind, cone.size) == ("cone", pytest.approx((0.2, 0.0, 0.4)))
+        np.testing.assert_allclose(cone.axis, [np.sin(0.5), 0, np.cos(0.5)])
+        assert (stretched.kind, stretched.height) == ("circle", pytest.approx(0.4))
         assert tetrahedron.volume == pytest.approx(0.2 * 0.2 * 0.25 / 6)
 
     def test_walls_of_lego(self, tmp_path):

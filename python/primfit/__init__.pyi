@@ -25,11 +25,15 @@ from .sensors.depth_camera import DepthCamera
 from .sensors.lidar import Lidar
 from .sensors.pinhole import points_of_depth
 from .sensors.sensor import Sensor
+from .solids.frusta import Cone, Cylinder
+from .solids.polyhedron import Polyhedron
+from .solids.prism import Prism
+from .solids.solid import Solid
+from .solids.sphere import Sphere
+from .solids.torus import Torus
 from .worlds.arena import Arena
 from .worlds.paper_setting import built_of_walls, paper_path, paper_world
 from .worlds.paths import grid_path, waypoints
-from .worlds.polyhedron import Polyhedron
-from .worlds.prism import Prism
 from .worlds.random_worlds import WorldFullError, random_world
 from .worlds.world import World
 
@@ -39,7 +43,9 @@ __all__ = [
     "Arena",
     "BoxFit",
     "Cloud",
+    "Cone",
     "Contradiction",
+    "Cylinder",
     "DepthCamera",
     "Detection",
     "FoundArena",
@@ -58,6 +64,9 @@ __all__ = [
     "Scan",
     "SegmentationReport",
     "Sensor",
+    "Solid",
+    "Sphere",
+    "Torus",
     "World",
     "WorldFullError",
     "as_cloud",

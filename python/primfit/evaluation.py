@@ -16,9 +16,11 @@ from primfit.geometry.motions import Motion
 from primfit.geometry.shapes import turn_between
 from primfit.polyhedra.found import FoundPolyhedron
 from primfit.results import Detection, FoundSolid
-from primfit.worlds.polyhedron import Polyhedron
-from primfit.worlds.prism import Prism
-from primfit.worlds.world import Solid, World
+from primfit.solids.polyhedron import Polyhedron
+from primfit.solids.prism import Prism
+from primfit.solids.round import Round
+from primfit.solids.solid import Solid
+from primfit.worlds.world import World
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -42,11 +44,13 @@ class Row:
         Distance of the centres; seen from above for upright prisms.
     angle_error_deg : float
         Difference of the angles on the circle, or for solids that are not upright prisms the angle
-        of the turn between them; modulo the true symmetry of the solid. NaN for a circle, and where
+        of the turn between them, or between the axes of round ones; modulo the true symmetry of the
+        solid. NaN for a circle or sphere, where only one is round, and where
         outlines with different numbers of corners, or faces that meet otherwise, have no angle in
         common.
     size_error_mm : float
-        Largest difference of the sizes; NaN when the kinds differ.
+        Largest difference of the sizes (of an upright cylinder the radius); NaN when the kinds
+        differ.
     solid, detection : int
         Rows of `world.solids` and of `found.solids` (-1 for none).
     """
@@ -308,8 +312,10 @@ def _angle_error(solid: Solid, other: FoundSolid | FoundPolyhedron) -> float:
     Without a kind in common the outlines themselves are laid over each other, and without an
     outline in common the faces.
     """
+    if isinstance(solid, Round) and solid.footprint is None:
+        return _angle_of_axes(solid, other)
     if solid.footprint is None or other.footprint is None:
-        if isinstance(solid, Prism):
+        if not isinstance(solid, Polyhedron):
             solid = Polyhedron(solid.vertices, solid.faces)
         pose = solid.vertices, solid.faces, solid.symmetry
         return turn_between(*pose, other.vertices, other.faces)
@@ -323,6 +329,18 @@ def _angle_error(solid: Solid, other: FoundSolid | FoundPolyhedron) -> float:
     else:
         return np.nan
     return float(abs((turn + period / 2) % period - period / 2))
+
+
+def _angle_of_axes(solid: Round, other: object) -> float:
+    """Angle between the axes of two round solids, radians; NaN where one of them has none.
+
+    A cone is told from one that points the other way, other solids are not.
+    """
+    axis = getattr(other, "axis", None)
+    if axis is None or solid.solid_kind == "sphere":
+        return np.nan
+    cosine, sine = np.dot(solid.axis, axis), np.linalg.norm(np.cross(solid.axis, axis))
+    return float(np.arctan2(sine, cosine if solid.solid_kind == "cone" else abs(cosine)))
 
 
 def _alignment(footprint: Floats, other: Floats) -> float:

@@ -14,7 +14,9 @@ from primfit.geometry.shells import area_vectors
 from primfit.polyhedra.found import FoundPolyhedron
 from primfit.results import Detection, FoundSolid
 from primfit.scans.scan import Scan
-from primfit.worlds.world import COLORS, OTHER_COLOR, Solid, World
+from primfit.solids.round import Round
+from primfit.solids.solid import Solid
+from primfit.worlds.world import COLORS, OTHER_COLOR, World
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,6 +88,10 @@ def _tops(solid: Solid | FoundSolid | FoundPolyhedron) -> list[Floats]:
     """Outlines (m, 2) of the faces that look upwards."""
     if solid.footprint is not None:
         return [solid.footprint]
+    if isinstance(solid, Round):
+        # One outline, so that what is within the hole of a ring is seen.
+        rings = [solid.shadow.exterior, *solid.shadow.interiors]
+        return [np.concatenate([np.array(ring.coords) for ring in rings])]
     up = area_vectors(solid.vertices, solid.faces)[:, 2] > 0.0
     return [solid.vertices[face, :2] for face, is_up in zip(solid.faces, up, strict=True) if is_up]
 

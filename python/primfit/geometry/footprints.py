@@ -277,6 +277,21 @@ def ellipse_footprint(long: float, short: float, center: Floats, angle: float) -
     return _place(_round_excess(ROUND_VERTICES) * outline, center, angle)
 
 
+def rectangle_frame(outline: Floats) -> Floats:
+    """Axes (2, 2) of the rectangle of least perimeter around a convex or other outline.
+
+    One is along a side of the outline, the longest of those that are as good.
+    """
+    sides = np.roll(outline, -1, axis=0) - outline
+    lengths = np.linalg.norm(sides, axis=1)
+    x = sides / lengths[:, None]
+    frames = np.stack([x, np.stack([-x[:, 1], x[:, 0]], axis=1)], axis=1)
+    spans = np.ptp(np.einsum("fij,mj->fmi", frames, outline), axis=1).sum(axis=1)
+    good = np.flatnonzero(spans <= spans.min() + TOLERANCE * spans.max())
+    best: Floats = frames[good[np.argmax(lengths[good])]]
+    return best
+
+
 def _place(local: np.ndarray, center: Floats, angle: float) -> Floats:
     turned = local * np.exp(1j * angle)
     return np.stack([turned.real, turned.imag], axis=1) + center

@@ -27,6 +27,10 @@ class Shape:
     footprint : (m, 2) float64 or None, metres
         Of an upright prism.
     size : float or (2,) or (3,), metres
+    solid_kind : str
+        As `kind`, but the same at any tilt; a right prism over a circle is a "cylinder".
+    dimensions : (3,), metres
+        Length, width and height along the own axes.
     rotations : (s, 3, 3) float64
         Turns of the solid's own frame that look alike, the smallest first; their number is the
         order of its symmetry.
@@ -35,6 +39,8 @@ class Shape:
     kind: str
     footprint: Floats | None
     size: float | tuple[float, ...]
+    solid_kind: str
+    dimensions: tuple[float, float, float]
     rotations: Floats
 
 
@@ -53,7 +59,10 @@ def shape_of(vertices: Floats, faces: Faces, tolerance: float = TOLERANCE) -> Sh
     center = vertices.mean(axis=0)
     vertices = vertices - center
     scale = float(np.abs(vertices).max())
-    kind, bases, footprint = _kind(vertices, faces, scale, tolerance)
+    solid_kind, bases, footprint = _kind(vertices, faces, scale, tolerance)
+    kind = solid_kind if solid_kind != "cylinder" else "prism"
+    if footprint is not None:
+        kind = footprints.kind_of(footprint, tolerance)
     shell = Shell.of(faces)
     flags, frames = _candidates(vertices, faces, shell, bases, scale * tolerance)
     walks = [shell.walk(int(flag)) for flag in flags]
@@ -80,7 +89,22 @@ def shape_of(vertices: Floats, faces: Faces, tolerance: float = TOLERANCE) -> Sh
         size = float(extents.mean())
     else:
         size = tuple(extents.tolist())
-    return Shape(kind, footprint, size, rotations)
+    if solid_kind == "cylinder":
+        base = product(vertices[faces[bases[0]]], rotations[0])[:, :2]
+        length = width = 2.0 * float(footprints.size_of(base, "circle"))  # type: ignore[arg-type]
+        dimensions = (length, width, float(np.ptp(own[:, 2])))
+    else:
+        dimensions = dimensions_of(own, solid_kind)
+    return Shape(kind, footprint, size, solid_kind, dimensions, rotations)
+
+
+def dimensions_of(own: Floats, solid_kind: str) -> tuple[float, float, float]:
+    """Length, width and height of a solid whose vertices (v, 3) are in its own frame."""
+    if solid_kind in ("box", "cube"):
+        high, middle, low = np.sort(2.0 * np.abs(own - own.mean(axis=0)).mean(axis=0))[::-1]
+        return float(high), float(middle), float(low)
+    x, y, z = np.ptp(own, axis=0).tolist()
+    return max(x, y), min(x, y), z
 
 
 def _candidates(
@@ -112,7 +136,7 @@ def _candidates(
 def _kind(
     vertices: Floats, faces: Faces, scale: float, tolerance: float
 ) -> tuple[str, list[int], Floats | None]:
-    """Name, the faces that may be its base, and the footprint of an upright prism."""
+    """Name at any tilt, the faces that may be its base, and the footprint of an upright prism."""
     found: dict[str, list[int]] = {}
     footprint = None
     for i, j, ratio, shift in _pairs_of_bases(vertices, faces, scale * tolerance):
@@ -128,8 +152,7 @@ def _kind(
             if abs(normal[2]) >= 1.0 - tolerance**2:
                 low = faces[i if normal[2] < 0.0 else j]
                 footprint = footprints.clean_footprint(vertices[low, :2])
-    kind, bases = _name(found, vertices, faces)
-    return kind if footprint is None else footprints.kind_of(footprint, tolerance), bases, footprint
+    return *_name(found, vertices, faces), footprint
 
 
 def _name(found: dict[str, list[int]], vertices: Floats, faces: Faces) -> tuple[str, list[int]]:
@@ -140,6 +163,8 @@ def _name(found: dict[str, list[int]], vertices: Floats, faces: Faces) -> tuple[
     right = [name for name in found if name not in ("frustum", "oblique")]
     if right:
         bases = found[right[0]]
+        if right[0] == "circle":
+            return "cylinder", bases
         return ("wedge" if len(faces[bases[0]]) == 3 else "prism"), bases
     apexes = [face for face in every if len(faces[face]) == len(faces) - 1 == len(vertices) - 1]
     if apexes:

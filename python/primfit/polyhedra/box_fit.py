@@ -14,7 +14,7 @@ from primfit.geometry.products import dots, lengths_of, product, solved, turned_
 from primfit.planes.plane import Plane, planes_of
 from primfit.polyhedra.adjacency import clear_of
 from primfit.polyhedra.ends import end_of
-from primfit.worlds.polyhedron import Polyhedron
+from primfit.solids.polyhedron import Polyhedron
 
 _BLUR = 1.5
 """Greatest deviation of points along a face over that across it: of a sensor whose errors are along

@@ -16,7 +16,7 @@ from primfit.polyhedra.adjacency import OPEN, Face
 from primfit.polyhedra.box_fit import box_through
 from primfit.polyhedra.found import FoundPolyhedron
 from primfit.polyhedra.naming import found_solid
-from primfit.worlds.polyhedron import Polyhedron
+from primfit.solids.polyhedron import Polyhedron
 
 _BENT, _STRAIGHT = 0.15, 0.05
 """Angle off a right one, radians, of faces of a box, where a sensor bends them and where not."""

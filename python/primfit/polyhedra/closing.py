@@ -18,7 +18,7 @@ from primfit.polyhedra.joint_fit import fitted_together, scatter_of
 from primfit.polyhedra.naming import found_solid
 from primfit.polyhedra.open_surface import OpenSurface, Rim
 from primfit.polyhedra.unseen import Unseen, unseen_faces
-from primfit.worlds.polyhedron import Polyhedron
+from primfit.solids.polyhedron import Polyhedron
 
 _SHORTEST = 0.5
 """Length of an edge that counts as one, over how far from an edge an outline may end."""

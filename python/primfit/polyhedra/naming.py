@@ -11,7 +11,7 @@ from primfit._check import Floats
 from primfit.geometry.products import product
 from primfit.geometry.shapes import Shape, shape_of
 from primfit.polyhedra.found import EQUAL, FoundPolyhedron
-from primfit.worlds.polyhedron import Polyhedron
+from primfit.solids.polyhedron import Polyhedron
 
 _VAGUE = 0.05, 0.15
 """Differences of lengths, relative to the size, and of angles, that may count as none: of what is

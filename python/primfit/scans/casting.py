@@ -11,6 +11,7 @@ from primfit import _primfit
 from primfit._check import Floats, Ints, as_rows, check_finite, n_jobs_or_none
 from primfit._progress import Progress, reporting
 from primfit.sensors.sensor import RangeGate
+from primfit.solids.round import Round
 from primfit.worlds.world import World
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ class RayCaster:
     from within; a ray within the plane of a triangle passes it. Of equally near triangles the
     first counts. Results are the same bits in any order of rays, on any number of threads and on
     any instruction set.
+
+    Round solids of a world are no triangles: cylinder, cone, sphere and torus are met where the
+    closed form says, in float64. The flat ends of a cylinder or cone leave no gap at the rim.
 
     Which triangles come to a decision is found in a tree of float32 boxes, eight to a node, all of
     whose tests err on the side of a hit (after Wald, Benthin and Boulos: Getting Rid of Packets,
@@ -58,7 +62,7 @@ class RayCaster:
 
     def __init__(self, mesh_or_world: World | Mesh) -> None:
         if isinstance(mesh_or_world, World):
-            corners, rows, names = mesh_or_world.to_mesh()
+            corners, rows, names, rounds = surfaces_of(mesh_or_world)
         else:
             try:
                 vertices, triangles = mesh_or_world
@@ -68,13 +72,13 @@ class RayCaster:
                     f"{type(mesh_or_world).__name__} of other content"
                 ) from None
             corners, rows = as_rows("vertices", vertices, 3), _as_triangles(triangles)
-            names = None
+            names, rounds = None, None
         self._core = _primfit.RayCaster(
-            np.ascontiguousarray(corners), np.ascontiguousarray(rows), names
+            np.ascontiguousarray(corners), np.ascontiguousarray(rows), names, rounds
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _caster_of, self._core.mesh()
+        return _caster_of, self._core.parts()
 
     def cast(
         self,
@@ -178,13 +182,38 @@ class RayCaster:
         return _primfit.turned(rows, beams), *out[1:]
 
     def __repr__(self) -> str:
-        return f"RayCaster({len(self._core)} triangles)"
+        n_rounds = len(self._core.parts()[2])
+        rounds = f", {n_rounds} round solid{'s' * (n_rounds != 1)}" if n_rounds else ""
+        return f"RayCaster({len(self._core) - n_rounds} triangles{rounds})"
 
 
-def _caster_of(corners: Floats, names: Ints | None) -> RayCaster:
-    """The caster of triangles whose corners (3t, 3) follow each other, and of their names."""
+def surfaces_of(world: World) -> tuple[Floats, Ints, Ints, Floats | None]:
+    """What beams meet in a world.
+
+    Returns
+    -------
+    vertices : (v, 3) float64, metres
+    triangles : (t, 3) int64
+        Those of what is flat.
+    names : (t + r,) int64
+        What each triangle, and then each round solid belongs to (see `World.to_mesh`).
+    rounds : (r, 10) float64 or None
+        The numbers of the round solids; None when there are none.
+    """
+    vertices, triangles, names = world.to_mesh()
+    rounds = [i for i, solid in enumerate(world.solids) if isinstance(solid, Round)]
+    if not rounds:
+        return vertices, triangles, names, None
+    is_flat = ~np.isin(names, rounds)
+    rows = np.stack([solid.row for solid in world.solids if isinstance(solid, Round)])
+    return vertices, triangles[is_flat], np.concatenate([names[is_flat], rounds]), rows
+
+
+def _caster_of(corners: Floats, names: Ints | None, rounds: Floats) -> RayCaster:
+    """The caster of triangles whose corners (3t, 3) follow each other, names and round solids."""
     caster = object.__new__(RayCaster)
-    caster._core = _primfit.RayCaster(corners, np.arange(len(corners)).reshape(-1, 3), names)
+    rows = np.arange(len(corners)).reshape(-1, 3)
+    caster._core = _primfit.RayCaster(corners, rows, names, rounds)
     return caster
 
 

@@ -9,7 +9,9 @@ import numpy as np
 
 from primfit import _primfit
 from primfit._check import Bools, Floats, Ints
+from primfit.scans.casting import surfaces_of
 from primfit.sensors.lidar import Lidar
+from primfit.solids.round import Round
 from primfit.worlds.world import World
 
 RINGS, RAYS = 2, 8
@@ -71,11 +73,12 @@ def read(
     for first in range(0, n_poses, at_once):
         transforms = turns(slice(first, min(first + at_once, n_poses)))[:, None]
         true_ranges, true_points, triangles, axes = mesh.hits(transforms, beams)
-        told, surface = true_ranges, triangles
-        is_mixed = np.zeros(len(told), dtype=bool)
-        if rays is not None:
-            told, surface, is_mixed = _echo(mesh, transforms, rays, lidar.pulse_length_ns)
-        incidence = mesh.incidence(surface, axes)
+        if rays is None:
+            told, normals = true_ranges, mesh.normals_at(triangles, true_points)
+            is_mixed = np.zeros(len(told), dtype=bool)
+        else:
+            told, normals, is_mixed = _echo(mesh, transforms, rays, lidar.pulse_length_ns)
+        incidence = _incidence(normals, axes)
         is_seen = (told >= lidar.min_range) & (told <= lidar.max_range)
         if lidar.detection_range is not None:
             is_seen &= told <= lidar.detection_range * np.sqrt(np.cos(incidence))
@@ -125,7 +128,7 @@ def footprint(beams: Floats, divergence: float) -> Floats:
 
 def _echo(
     mesh: _Mesh, transforms: Floats, rays: Floats, pulse_length_ns: float
-) -> tuple[Floats, Ints, Bools]:
+) -> tuple[Floats, Floats, Bools]:
     """The strongest echo of each footprint.
 
     Surfaces that the pulse tells apart, by half its length, are echoes of their own; the sensor
@@ -135,10 +138,10 @@ def _echo(
     -------
     ranges : (n,) float64, metres
         inf where no ray meets anything.
-    triangles : (n,) int64
-        What the nearest ray of the echo meets.
+    normals : (n, 3) float64
+        Of what the nearest ray of the echo meets, where it does; NaN for nothing.
     is_mixed : (n,) bool
-        Whether rays of the echo meet more than one plane.
+        Whether rays of the echo meet more than one surface.
     """
     hits = [mesh.hits(transforms, of_beams) for of_beams in rays]
     ranges, ends, triangles, _ = (np.stack(each, axis=1) for each in zip(*hits, strict=True))
@@ -156,25 +159,35 @@ def _echo(
     told = np.where(count > 0, total / np.maximum(count, 1), np.inf)
     surface = triangles[rows, order[rows, best]]
     ends = np.take_along_axis(ends, order[:, :, None], axis=1)
-    off = ((ends - ends[rows, best, None]) * mesh.normals[surface, None]).sum(axis=2)
+    normals = mesh.normals_at(surface, ends[rows, best])
+    off = mesh.distances(surface, normals, ends, best)
     is_mixed = (is_in & (np.abs(off) > _FLAT * mesh.size)).any(axis=1)
-    return told, surface, is_mixed
+    return told, normals, is_mixed
+
+
+def _incidence(normals: Floats, directions: Floats) -> Floats:
+    """Angles (n,) between beams and the normals of what they meet, radians; NaN for nothing."""
+    cosine = np.abs((normals * directions).sum(axis=1))
+    return np.arccos(np.minimum(cosine, 1.0))
 
 
 class _Mesh:
-    """Triangles of a world, ready for rays; the last row stands for nothing."""
+    """Triangles, then round solids of a world, ready for rays; the last row is for nothing."""
 
     def __init__(self, world: World, n_jobs: int | None) -> None:
-        corners, rows, names = world.to_mesh()
+        corners, rows, names, rounds = surfaces_of(world)
         self._caster = _primfit.RayCaster(
-            np.ascontiguousarray(corners), np.ascontiguousarray(rows), None
+            np.ascontiguousarray(corners), np.ascontiguousarray(rows), None, rounds
         )
+        self._rounds = [solid for solid in world.solids if isinstance(solid, Round)]
+        self._first_round = len(rows)
         self._n_jobs = n_jobs
         self.names = np.append(names, -1)
         a, b, c = (corners[rows[:, k]] for k in range(3))
         normals = np.cross(b - a, c - a)
         lengths = np.sqrt((normals * normals).sum(axis=1, keepdims=True))
-        self.normals = np.append(normals / lengths, [[np.nan] * 3], axis=0)
+        unknown = np.full((len(self._rounds) + 1, 3), np.nan)
+        self._normals = np.append(normals / lengths, unknown, axis=0)
         self.size = float(np.abs(corners).max())
 
     def hits(self, transforms: Floats, beams: Floats) -> tuple[Floats, Floats, Ints, Floats]:
@@ -195,7 +208,25 @@ class _Mesh:
         ends = starts + np.where(is_hit, ranges, np.nan)[:, None] * ways
         return ranges, ends, triangles, ways
 
-    def incidence(self, triangles: Ints, directions: Floats) -> Floats:
-        """Angles (n,) between beams and the normals of what they meet, radians; NaN for nothing."""
-        cosine = np.abs((self.normals[triangles] * directions).sum(axis=1))
-        return np.arccos(np.minimum(cosine, 1.0))
+    def normals_at(self, surfaces: Ints, points: Floats) -> Floats:
+        """Normals (n, 3) of what is met at points (n, 3); NaN for nothing."""
+        normals = self._normals[surfaces]
+        for i, solid in enumerate(self._rounds, self._first_round):
+            rows = np.flatnonzero(surfaces == i)
+            distances, outward = solid.surfaces(points[rows])
+            normals[rows] = outward[np.arange(len(rows)), distances.argmax(axis=1)]
+        return normals
+
+    def distances(self, surfaces: Ints, normals: Floats, ends: Floats, at: Ints) -> Floats:
+        """Distances (n, k) of the ends of rays (n, k, 3) to the surface that one of them meets.
+
+        `at` (n,) says which of them; `normals` (n, 3) are there.
+        """
+        rows = np.arange(len(ends))
+        off: Floats = ((ends - ends[rows, at, None]) * normals[:, None]).sum(axis=2)
+        for i, solid in enumerate(self._rounds, self._first_round):
+            own = np.flatnonzero(surfaces == i)
+            each = solid.surfaces(ends[own].reshape(-1, 3))[0].reshape(len(own), ends.shape[1], -1)
+            part = each[np.arange(len(own)), at[own]].argmax(axis=1)
+            off[own] = each[np.arange(len(own)), :, part]
+        return off

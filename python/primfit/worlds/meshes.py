@@ -9,13 +9,14 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from primfit._check import Floats, as_rows
-from primfit.worlds.polyhedron import Polyhedron
-from primfit.worlds.prism import Prism
+from primfit.solids.polyhedron import Polyhedron
+from primfit.solids.prism import Prism
+from primfit.solids.solid import Solid
 
 
-def as_solid(thing: Any) -> Prism | Polyhedron | None:
+def as_solid(thing: Any) -> Solid | None:
     """The solid of something found, or of one closed mesh; None when it has no surface."""
-    if isinstance(thing, Prism | Polyhedron):
+    if isinstance(thing, Solid):
         return thing
     if getattr(thing, "footprint", None) is not None and hasattr(thing, "top"):
         return Prism(thing.footprint, thing.top - thing.base, base=thing.base)

@@ -13,9 +13,9 @@ import shapely
 
 from primfit._check import Floats, choice, generator, instance, integer, number
 from primfit.geometry.footprints import angle_of, clean_footprint, sides, size_of
+from primfit.solids.prism import Prism
 from primfit.worlds.arena import Arena
 from primfit.worlds.paths import counts_along, is_free
-from primfit.worlds.prism import Prism
 from primfit.worlds.random_worlds import counts_of, find_place, kinds_of
 from primfit.worlds.world import World
 

@@ -7,9 +7,10 @@ import warnings
 import numpy as np
 import shapely
 
-from primfit.worlds.polyhedron import Polyhedron
-from primfit.worlds.prism import Prism
-from primfit.worlds.world import Solid, World
+from primfit.solids.prism import Prism
+from primfit.solids.round import Round
+from primfit.solids.solid import Solid
+from primfit.worlds.world import World
 
 _SLACK = 1e-9
 """Share of the size of the smaller solid by which two may reach into each other: rounding."""
@@ -44,9 +45,7 @@ def warn_of_places(world: World) -> None:
 
 def _overlap(one: Solid, other: Solid) -> bool:
     """Whether two solids share a volume."""
-    (low, high), (other_low, other_high) = (
-        (each.vertices.min(axis=0), each.vertices.max(axis=0)) for each in (one, other)
-    )
+    (low, high), (other_low, other_high) = (each.bounds for each in (one, other))
     shared = np.minimum(high, other_high) - np.maximum(low, other_low)
     if (shared <= _SLACK * np.minimum(high - low, other_high - other_low)).any():
         return False
@@ -57,10 +56,10 @@ def _overlap(one: Solid, other: Solid) -> bool:
 
 
 def _has_corner_in(one: Solid, other: Solid) -> bool:
-    """Whether a corner of `one`, drawn in a little, is inside `other`."""
-    corners = one.vertices
+    """Whether a corner of `one`, or a point of its round surface, is inside when drawn in."""
+    corners = one.surface_points() if isinstance(one, Round) else one.vertices
     drawn_in = corners + 1e-6 * (corners.mean(axis=0) - corners)
-    if isinstance(other, Polyhedron):
+    if not isinstance(other, Prism):
         return bool(other.contains(drawn_in).any())
     low, high = other.vertices[:, 2].min(), other.vertices[:, 2].max()
     within = (drawn_in[:, 2] > low) & (drawn_in[:, 2] < high)

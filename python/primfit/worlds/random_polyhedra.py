@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from primfit._check import Floats
 from primfit.geometry.footprints import regular_footprint
-from primfit.worlds.polyhedron import Polyhedron
+from primfit.solids.polyhedron import Polyhedron
 
 POLYHEDRA: dict[str, tuple[float, float]] = {
     "box": (0.10, 0.28),

@@ -10,10 +10,12 @@ import shapely
 from numpy.typing import ArrayLike
 
 from primfit._check import Floats, generator, integer, number, range_of
+from primfit.solids.prism import Prism
+from primfit.solids.solid import Solid
 from primfit.worlds.arena import Arena
-from primfit.worlds.prism import Prism
 from primfit.worlds.random_polyhedra import POLYHEDRA, random_polyhedron
-from primfit.worlds.world import Solid, World
+from primfit.worlds.random_rounds import ROUNDS, random_round
+from primfit.worlds.world import World
 
 SIZES: dict[str, tuple[float, float]] = {
     "triangle": (0.18, 0.32),
@@ -74,15 +76,17 @@ def random_world(
         "rectangle" (its long side is `RATIO` times the short one), "star" (five tips, the notches
         at half the radius), "polygon" (5 to 8 corners at random bearings and radii), "circle",
         "ellipse" (its long axis is `RATIO` times the short one); and polyhedra (see
-        `random_polyhedron`): "box", "cube", "wedge", "pyramid", "frustum", "prism".
+        `random_polyhedron`): "box", "cube", "wedge", "pyramid", "frustum", "prism"; and round
+        solids (see `random_round`): "cylinder", "cone", "sphere".
     rng : None, int or numpy.random.Generator
         Same `rng`, same world.
     sizes : dict of str to (low, high), metres
-        Ranges that replace those of `SIZES` and `primfit.random_polyhedra.POLYHEDRA`.
+        Ranges that replace those of `SIZES`, `random_polyhedra.POLYHEDRA` and
+        `random_rounds.ROUNDS`.
     angles : (low, high), radians
         Range of rotation.
     height : float or (low, high), metres
-        Height of the solids, but for polyhedra.
+        Height of the solids, but for polyhedra and round ones.
     wall_height : float, metres
         Height of the arena's walls.
     wall_distance : float, metres
@@ -90,8 +94,9 @@ def random_world(
     buffer : float, metres
         The paper's p: how far each vertex is moved away from the centre for the overlap test.
     tilted : bool
-        Whether polyhedra are turned anyhow, their lowest vertex on the floor; else they rest on a
-        random one of the faces that hold them, and boxes and cubes become upright prisms.
+        Whether polyhedra and round solids are turned anyhow, their lowest point on the floor; else
+        polyhedra rest on a random one of the faces that hold them, boxes and cubes become upright
+        prisms, and cylinders and cones stand on their base.
     max_attempts : int
         Positions to try for one solid.
 
@@ -114,7 +119,7 @@ def random_world(
     if not isinstance(sizes, Mapping | None):
         raise TypeError(f"sizes must be a mapping of kinds to sizes, not {sizes!r}")
     sizes = sizes or {}
-    known = SIZES | POLYHEDRA
+    known = SIZES | POLYHEDRA | ROUNDS
     kinds = kinds_of("kinds", kinds, known)
     if sizes:
         kinds_of("sizes", sizes, known)
@@ -131,8 +136,12 @@ def random_world(
     solids: list[Solid] = []
     for _ in range(rng.integers(fewest, most + 1)):
         kind = kinds[rng.integers(len(kinds))]
-        if kind in POLYHEDRA:
-            loose = random_polyhedron(kind, ranges[kind], turns, rng, tilted=tilted)
+        if kind in POLYHEDRA or kind in ROUNDS:
+            loose = (
+                random_polyhedron(kind, ranges[kind], turns, rng, tilted=tilted)
+                if kind in POLYHEDRA
+                else random_round(kind, ranges[kind], rng, tilted=tilted)
+            )
             shape = shapely.get_coordinates(loose.shadow.exterior)[:-1]
             outline = find_place(shape, solids, arena, wall_distance, buffer, max_attempts, rng)
             solids.append(loose.moved([*(outline[0] - shape[0]), 0.0]))

@@ -16,16 +16,14 @@ from numpy.typing import NDArray
 from primfit._check import Bools, Floats, Ints
 from primfit._files import as_path, replacing
 from primfit.geometry.footprints import clean_footprint, triangulate
+from primfit.solids.prism import Prism
+from primfit.solids.solid import Solid
 from primfit.viewing.shown import Shown
 from primfit.worlds.arena import Arena
 from primfit.worlds.meshes import as_solid, solids_of_mesh
-from primfit.worlds.polyhedron import Polyhedron
-from primfit.worlds.prism import Prism
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Solid = Prism | Polyhedron
 
 CELL = 0.01
 """Side of a cell of `World.mask` and `World.matrix`, metres."""
@@ -49,6 +47,10 @@ COLORS = {
     "wedge": (214, 96, 77),
     "pyramid": (224, 168, 45),
     "frustum": (153, 112, 171),
+    "cylinder": (53, 151, 143),
+    "cone": (140, 81, 10),
+    "sphere": (197, 27, 125),
+    "torus": (118, 42, 131),
 }
 """Colour of each kind in `World.matrix` and in pictures (red, green, blue)."""
 OTHER_COLOR = (120, 120, 120)
@@ -61,8 +63,9 @@ class World(Shown):
 
     Parameters
     ----------
-    solids : sequence of Prism and Polyhedron
-        Also what `detect` found, or closed meshes, as those of trimesh. They may have any height
+    solids : sequence of Solid
+        Prisms, polyhedra, cylinders, cones, spheres and tori; also what `detect` found, or closed
+        meshes, as those of trimesh. They may have any height
         and must not be inside each other for a scan to make sense; this is left to the caller.
     arena : Arena or None
         None leaves the floor open.
@@ -86,14 +89,15 @@ class World(Shown):
             solids = tuple(self.solids)
         except TypeError:
             raise TypeError(
-                f"solids must be a sequence of Prism and Polyhedron, not {self.solids!r}"
+                f"solids must be a sequence of Prism, Polyhedron and others, not {self.solids!r}"
             ) from None
         taken: list[Solid] = []
         for i, given in enumerate(solids):
             solid = as_solid(given)
             if solid is None:
                 raise TypeError(
-                    f"solids[{i}] must be a Prism or a Polyhedron, not {type(given).__name__}"
+                    f"solids[{i}] must be a Prism, a Polyhedron or another solid, not "
+                    f"{type(given).__name__}"
                 )
             taken.append(solid)
         if self.arena is not None and not isinstance(self.arena, Arena):
@@ -132,8 +136,8 @@ class World(Shown):
             return self.arena.bounds
         if not self.solids:
             return np.zeros(2), np.zeros(2)
-        corners = np.concatenate([solid.vertices[:, :2] for solid in self.solids])
-        return corners.min(axis=0), corners.max(axis=0)
+        lows, highs = zip(*(solid.bounds for solid in self.solids), strict=True)
+        return np.min(lows, axis=0)[:2], np.max(highs, axis=0)[:2]
 
     @property
     def mask(self) -> Bools:
@@ -192,7 +196,7 @@ class World(Shown):
         )
 
     def to_mesh(self) -> tuple[Floats, Ints, Ints]:
-        """All surfaces as triangles.
+        """All surfaces as triangles; of round solids those of the meshes that stand for them.
 
         Returns
         -------

@@ -56,10 +56,10 @@ pub struct Avx512;
 /// must be inlined to be compiled alike.
 macro_rules! for_each_set {
     (
-        fn $name:ident$(<$generic:ident: $bound:ident>)?($($argument:ident: $kind:ty),* $(,)?)
+        fn $name:ident$(<$generic:ident: $bound:ident, const $flag:ident: bool>)?($($argument:ident: $kind:ty),* $(,)?)
             -> $result:ty $body:block
     ) => {
-        fn $name$(<$generic: $bound>)?(
+        fn $name$(<$generic: $bound, const $flag: bool>)?(
             instructions: $crate::instructions::Instructions,
             $($argument: $kind),*
         ) -> $result {
@@ -72,26 +72,26 @@ macro_rules! for_each_set {
                 #[cfg(target_arch = "x86_64")]
                 $crate::instructions::Instructions::Avx2 => {
                     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-                    fn avx2$(<$generic: $bound>)?($($argument: $kind),*) -> $result {
+                    fn avx2$(<$generic: $bound, const $flag: bool>)?($($argument: $kind),*) -> $result {
                         #[allow(dead_code)]
                         type Set = $crate::instructions::Avx2;
                         $body
                     }
                     // SAFETY: chosen only where the processor has it.
-                    unsafe { avx2($($argument),*) }
+                    unsafe { avx2$(::<$generic, $flag>)?($($argument),*) }
                 }
                 #[cfg(target_arch = "x86_64")]
                 $crate::instructions::Instructions::Avx512 => {
                     #[target_feature(
                         enable = "avx512f,avx512vl,avx512dq,avx2,fma,bmi1,bmi2,lzcnt,popcnt"
                     )]
-                    fn avx512$(<$generic: $bound>)?($($argument: $kind),*) -> $result {
+                    fn avx512$(<$generic: $bound, const $flag: bool>)?($($argument: $kind),*) -> $result {
                         #[allow(dead_code)]
                         type Set = $crate::instructions::Avx512;
                         $body
                     }
                     // SAFETY: chosen only where the processor has it.
-                    unsafe { avx512($($argument),*) }
+                    unsafe { avx512$(::<$generic, $flag>)?($($argument),*) }
                 }
             }
         }

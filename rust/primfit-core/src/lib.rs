@@ -38,7 +38,9 @@ pub use neighbors::{LocalPlane, Neighbor, PointTree};
 pub use organised::{ImageSegmentation, segment_image};
 pub use outlines::{Outline, Place, laid_out, outlines, thinned};
 pub use parts::{PartPlane, Wanted, fit_parts};
-pub use rays::{DepthGate, Eye, Gate, Hits, RangeGate, RayCaster, Readings, Transform, turned};
+pub use rays::{
+    DepthGate, Eye, Gate, Hits, RangeGate, RayCaster, Readings, Round, Transform, turned,
+};
 pub use scoring::{Score, score_planes};
 pub use segmentation::{Segmentation, SegmentationSettings, segment};
 pub use workers::Workers;

@@ -1,12 +1,13 @@
 //! Ray casting.
 
-use crate::arrays::{rows, rows_mut, same_length};
+use crate::arrays::{from_rows, rows, rows_mut, same_length};
 use crate::door;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadwriteArray1, PyReadwriteArray2,
 };
-use primfit_core::{DepthGate, Eye, RangeGate, Readings};
+use primfit_core::{DepthGate, Eye, RangeGate, Readings, Round};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 type Hits<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<i64>>);
@@ -67,29 +68,33 @@ impl Gate {
     }
 }
 
-type Mesh<'py> = (Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray1<i64>>>);
+type Parts<'py> =
+    (Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray1<i64>>>, Bound<'py, PyArray2<f64>>);
 
-/// A triangle mesh ready for rays.
+/// A triangle mesh, and round solids beside it, ready for rays.
 #[pyclass(frozen, module = "primfit._primfit")]
 pub struct RayCaster(primfit_core::RayCaster);
 
 #[pymethods]
 impl RayCaster {
     #[new]
-    #[pyo3(signature = (vertices, triangles, names=None))]
+    #[pyo3(signature = (vertices, triangles, names=None, rounds=None))]
     fn new(
         py: Python,
         vertices: PyReadonlyArray2<f64>,
         triangles: PyReadonlyArray2<i64>,
         names: Option<PyReadonlyArray1<i64>>,
+        rounds: Option<PyReadonlyArray2<f64>>,
     ) -> PyResult<Self> {
         let (vertices, triangles) = (rows("vertices", &vertices)?, rows("triangles", &triangles)?);
         let names = names.map(|names| names.as_slice().map(<[i64]>::to_vec)).transpose()?;
+        let rounds = rounds.as_ref().map_or(Ok(Vec::new()), as_rounds)?;
         if let Some(names) = &names {
-            same_length("names", names.len(), "triangles", triangles.len())?;
+            let n = triangles.len() + rounds.len();
+            same_length("names", names.len(), "triangles and rounds", n)?;
         }
         let caster = door::enter(py, None, |workers| {
-            primfit_core::RayCaster::new(vertices, triangles, workers)
+            primfit_core::RayCaster::with_rounds(vertices, triangles, &rounds, workers)
         })?;
         Ok(Self(match names {
             Some(names) => caster.named(names),
@@ -97,13 +102,15 @@ impl RayCaster {
         }))
     }
 
-    /// The corners (3t, 3) of all triangles, row after row, and what these are called.
-    fn mesh<'py>(&self, py: Python<'py>) -> PyResult<Mesh<'py>> {
+    /// The corners (3t, 3) of all triangles, row after row, what these are called, and the rows of
+    /// the round solids.
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Parts<'py>> {
         let (triangles, names) = self.0.mesh();
         let corners = triangles.into_flattened();
         let n = corners.len();
         let corners = corners.into_flattened().into_pyarray(py).reshape([n, 3])?;
-        Ok((corners, names.map(|names| PyArray1::from_slice(py, names))))
+        let rounds = from_rows(py, self.0.rounds().iter().map(Round::row).collect())?;
+        Ok((corners, names.map(|names| PyArray1::from_slice(py, names)), rounds))
     }
 
     fn __len__(&self) -> usize {
@@ -154,6 +161,12 @@ impl RayCaster {
         let readings = Readings { points, ranges, ids };
         door::enter(py, n_jobs, |workers| self.0.scan(poses, beams, gate, first, readings, workers))
     }
+}
+
+/// The round solids of rows (see [`Round::from_row`]).
+fn as_rounds(array: &PyReadonlyArray2<f64>) -> PyResult<Vec<Round>> {
+    let unknown = || PyValueError::new_err("rounds must be of kind 0, 1 or 2");
+    rows("rounds", array)?.iter().map(|row| Round::from_row(row).ok_or_else(unknown)).collect()
 }
 
 /// Unit directions (p * m, 3) in the world of `beams` (m, 3) from each of `poses` (p, 16).

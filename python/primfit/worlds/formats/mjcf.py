@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from primfit._check import Floats, Ints
+from primfit.solids.prism import Prism
 from primfit.worlds.formats.plain import text_of, world_of
-from primfit.worlds.prism import Prism
 from primfit.worlds.world import COLORS, OTHER_COLOR, World
 
 _THICKNESS = 0.01

@@ -6,9 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from primfit.solids.solid import Solid
 from primfit.worlds.arena import Arena
-from primfit.worlds.polyhedron import Polyhedron
-from primfit.worlds.prism import Prism
 from primfit.worlds.world import World
 
 
@@ -23,11 +22,7 @@ def world_of(text: str | bytes) -> World:
     if content["primfit"] != "world":
         raise ValueError("its 'primfit' does not say that it is a world")
     arena = content["arena"] and Arena(**content["arena"])
-    solids = [
-        Prism(**solid) if "footprint" in solid else Polyhedron(**solid)
-        for solid in content["solids"]
-    ]
-    return World(solids, arena)
+    return World([Solid.from_dict(solid) for solid in content["solids"]], arena)
 
 
 def write(path: Path, world: World) -> None:

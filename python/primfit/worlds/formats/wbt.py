@@ -14,12 +14,16 @@ import numpy as np
 
 from primfit._check import Floats, Ints
 from primfit.geometry.extrusions import prism_faces, prism_vertices
+from primfit.solids.frusta import Cone, Cylinder
+from primfit.solids.polyhedron import Polyhedron
+from primfit.solids.prism import Prism
+from primfit.solids.round import Round
+from primfit.solids.solid import Solid
+from primfit.solids.sphere import Sphere
 from primfit.worlds.arena import Arena
 from primfit.worlds.formats.vrml import Node, nodes_of
 from primfit.worlds.meshes import each_once
-from primfit.worlds.polyhedron import Polyhedron
-from primfit.worlds.prism import Prism
-from primfit.worlds.world import COLORS, OTHER_COLOR, Solid, World
+from primfit.worlds.world import COLORS, OTHER_COLOR, World
 
 _PROTOS = "https://raw.githubusercontent.com/cyberbotics/webots/R2023b/projects/objects"
 
@@ -43,6 +47,9 @@ none, but also a base without thickness, which lies on the floor."""
 
 _STANDING = {"CardboardBox": 0.3, "WoodenBox": 0.3, "LegoWall": 0.025}
 """Height of protos that are not told where they are."""
+
+_SPHERE_FACES = 5
+"""The finest subdivision that Webots draws a sphere with."""
 
 _NO_GEOMETRY = {
     "WorldInfo",
@@ -82,9 +89,8 @@ def text_of(world: World) -> str:
         lines += _arena_lines(world.arena)
     for i, solid in enumerate(world.solids):
         color = COLORS.get(solid.kind, OTHER_COLOR)
-        lines += _solid_lines(
-            f"DEF SOLID_{i}", f"{solid.kind} {i}", solid.vertices, solid.faces, color
-        )
+        geometry, place = _round_node(solid) or (_mesh_node(solid.vertices, solid.faces), "")
+        lines += _solid_lines(f"DEF SOLID_{i}", f"{solid.kind} {i}", geometry, color, place)
     return "\n".join(lines) + "\n"
 
 
@@ -98,7 +104,7 @@ def _arena_lines(arena: Arena) -> list[str]:
         m = len(arena.outline)
         vertices = prism_vertices(arena.outline, 0.0, arena.height)
         inner = [face[::-1] for face in prism_faces(m)[:m]]
-        return _solid_lines(f"DEF {_ARENA}", "arena", vertices, inner, OTHER_COLOR)
+        return _solid_lines(f"DEF {_ARENA}", "arena", _mesh_node(vertices, inner), OTHER_COLOR)
     low, high = arena.bounds
     (x, y), (width, depth) = ((low + high) / 2).tolist(), (high - low).tolist()
     return [
@@ -107,20 +113,40 @@ def _arena_lines(arena: Arena) -> list[str]:
     ]
 
 
-def _solid_lines(
-    define: str, name: str, vertices: Floats, faces: Any, color: tuple[int, int, int]
-) -> list[str]:
+def _round_node(solid: Solid) -> tuple[str, str] | None:
+    """Geometry and place of what Webots has a node for that bodies can meet, else None."""
+    if isinstance(solid, Cylinder):
+        node = f"Cylinder {{ radius {solid.radius!r} height {solid.height!r} subdivision 64 }}"
+    elif isinstance(solid, Sphere):
+        node = f"Sphere {{ radius {solid.radius!r} subdivision {_SPHERE_FACES} }}"
+    else:
+        return None
+    x, y, z = solid.axis.tolist()
+    across = float(np.hypot(x, y))
+    # About a level axis, from the vertical to the axis of the solid.
+    about = (-y / across, x / across) if across else (1.0, 0.0)
+    turn = float(np.arctan2(across, z))
+    place = "  translation {!r} {!r} {!r} rotation {!r} {!r} 0 {!r}"
+    return node, place.format(*solid.center.tolist(), *about, turn)
+
+
+def _mesh_node(vertices: Floats, faces: Any) -> str:
     points = ", ".join(" ".join(map(repr, row)) for row in vertices.tolist())
     indices = " -1 ".join(" ".join(map(str, face.tolist())) for face in faces)
+    coord = f"coord Coordinate {{ point [ {points} ] }}"
+    return f"IndexedFaceSet {{ {coord} coordIndex [ {indices} -1 ] }}"
+
+
+def _solid_lines(
+    define: str, name: str, geometry: str, color: tuple[int, int, int], place: str = ""
+) -> list[str]:
     shade = " ".join(f"{value / 255:.3f}" for value in color)
     return [
         f"{define} Solid {{",
+        *([place] if place else []),
         "  children [ Shape {",
         f"    appearance PBRAppearance {{ baseColor {shade} roughness 1 metalness 0 }}",
-        f"    geometry DEF MESH_{define.split()[1]} IndexedFaceSet {{",
-        f"      coord Coordinate {{ point [ {points} ] }}",
-        f"      coordIndex [ {indices} -1 ]",
-        "    }",
+        f"    geometry DEF MESH_{define.split()[1]} {geometry}",
         "  } ]",
         f'  name "{name}"',
         f"  boundingObject USE MESH_{define.split()[1]}",
@@ -153,7 +179,7 @@ class _Scene:
         self._is_y_up = is_y_up
         # East, north and up are z, x and y of north, up and east.
         self.upright = np.eye(4)[[2, 0, 1, 3]] if is_y_up else np.eye(4)
-        self._solids: list[tuple[Floats, list[Ints]]] = []
+        self._solids: list[tuple[Floats, list[Ints]] | Round] = []
         self._arena: tuple[Floats, float] | None = None
         self._left_out: Counter[str] = Counter()
 
@@ -191,19 +217,41 @@ class _Scene:
         if geometry.kind == "Box":
             default = [2.0, 2.0, 2.0] if self._is_y_up else [0.1, 0.1, 0.1]
             self._add_box(_vector(geometry, "size", default), np.zeros(3), frame)
-        elif geometry.kind == "Cylinder":
-            radius = _scalar(geometry, "radius", 1.0 if self._is_y_up else 0.05)
-            height = _scalar(geometry, "height", 2.0 if self._is_y_up else 0.1)
-            footprint = Prism.circle(radius).footprint
-            vertices = prism_vertices(footprint, -height / 2, height / 2)
-            self._add(
-                vertices[:, [1, 2, 0]] if self._is_y_up else vertices, _prism(footprint), frame
-            )
+        elif geometry.kind in ("Cylinder", "Cone", "Sphere"):
+            self._add_round(geometry, frame)
         elif geometry.kind == "IndexedFaceSet":
             vertices, faces = _mesh(geometry)
             self._add(vertices, faces, frame)
         else:
             self._left_out[geometry.kind] += 1
+
+    def _add_round(self, node: Node, frame: Floats) -> None:
+        """A cylinder, cone or sphere; a cylinder that its frame stretches is a polyhedron."""
+        turn, center = frame[:3, :3], frame[:3, 3]
+        scale = float(np.sqrt((turn * turn).sum() / 3.0))
+        off = np.einsum("ki,kj->ij", turn, turn) - scale**2 * np.eye(3)
+        is_stretched = np.abs(off).max() > _LEVEL * scale**2
+        # Rounding of a turn is no scale.
+        scale = 1.0 if abs(scale - 1.0) < _LEVEL else scale
+        axis = turn[:, 1 if self._is_y_up else 2]
+        if node.kind == "Cylinder":
+            radius = _scalar(node, "radius", 1.0 if self._is_y_up else 0.05)
+            height = _scalar(node, "height", 2.0 if self._is_y_up else 0.1)
+            if is_stretched:
+                footprint = Prism.circle(radius).footprint
+                vertices = prism_vertices(footprint, -height / 2, height / 2)
+                upright = vertices[:, [1, 2, 0]] if self._is_y_up else vertices
+                self._add(upright, _prism(footprint), frame)
+            else:
+                self._solids.append(Cylinder(scale * radius, scale * height, center, axis))
+            return
+        if is_stretched:
+            raise ValueError(f"{node.kind} must not be stretched")
+        if node.kind == "Sphere":
+            self._solids.append(Sphere(scale * _told(node, "radius"), center))
+        else:
+            sizes = _told(node, "bottomRadius"), _told(node, "height")
+            self._solids.append(Cone(scale * sizes[0], scale * sizes[1], center, axis))
 
     def _add_box(self, size: Floats, center: Floats, frame: Floats) -> None:
         width, depth, height = size
@@ -231,7 +279,11 @@ class _Scene:
     def world(self) -> World:
         """All solids, on the floor of the arena where there is one."""
         floor = 0.0 if self._arena is None else float(self._arena[0][:, 2].mean())
-        solids = [_solid(vertices - [0.0, 0.0, floor], faces) for vertices, faces in self._solids]
+        down = np.array([0.0, 0.0, -floor])
+        solids = [
+            each.moved(down) if isinstance(each, Round) else _solid(each[0] + down, each[1])
+            for each in self._solids
+        ]
         arena = None
         if self._arena is not None:
             arena = Arena(outline=self._arena[0][:, :2], height=self._arena[1])
@@ -292,6 +344,13 @@ def _vector(node: Node, name: str, default: list[float]) -> Floats:
 
 def _scalar(node: Node, name: str, default: float) -> float:
     return float(_vector(node, name, [default])[0])
+
+
+def _told(node: Node, name: str) -> float:
+    """A field whose default is not the same in all releases, so that it must be there."""
+    if name not in node.fields:
+        raise ValueError(f"{node.kind} must have its {name}")
+    return _scalar(node, name, 0.0)
 
 
 def _mesh(node: Node) -> tuple[Floats, list[Ints]]:

@@ -1,4 +1,4 @@
-//! Many rays against a triangle mesh.
+//! Many rays against triangles and round solids.
 
 #![allow(clippy::inline_always)]
 
@@ -7,6 +7,7 @@ use super::memory::zeros;
 use super::packet::{self, Packet};
 use super::query::{Query, Rays};
 use super::ray::Start;
+use super::round::Round;
 use super::tiles::{Tiles, tasks};
 use super::tree::Tree;
 use super::triangle::ShearedRay;
@@ -35,7 +36,7 @@ const RAY_BYTES: usize = 20;
 pub struct Hit {
     /// Distance in units of the direction; infinite for none.
     pub range: f64,
-    /// Row of the triangle; -1 for none.
+    /// Row of the triangle, or of the round solid after all triangles; -1 for none.
     pub triangle: i64,
 }
 
@@ -74,7 +75,7 @@ pub struct Hits {
     pub ids: Vec<i64>,
 }
 
-/// A triangle mesh ready for rays.
+/// A triangle mesh, and round solids beside it, ready for rays.
 pub struct RayCaster {
     tree: Tree,
     names: Option<Vec<i64>>,
@@ -90,6 +91,19 @@ impl RayCaster {
         triangles: &[[i64; 3]],
         workers: &Workers,
     ) -> Result<Self, Error> {
+        Self::with_rounds(vertices, triangles, &[], workers)
+    }
+
+    /// The same with round solids, whose rows follow those of the triangles.
+    ///
+    /// # Errors
+    /// As of [`Self::new`].
+    pub fn with_rounds(
+        vertices: &[Vector],
+        triangles: &[[i64; 3]],
+        rounds: &[Round],
+        workers: &Workers,
+    ) -> Result<Self, Error> {
         let n_vertices = vertices.len();
         for (triangle, corners) in triangles.iter().enumerate() {
             for &vertex in corners {
@@ -98,11 +112,12 @@ impl RayCaster {
                 }
             }
         }
-        workers.room(TRIANGLE_BYTES * triangles.len() + VERTEX_BYTES * n_vertices)?;
-        let tree = if triangles.len() <= FEW {
-            workers.install(|| Tree::new(vertices, triangles, &Stop::default()))
+        let n = triangles.len() + rounds.len();
+        workers.room(TRIANGLE_BYTES * n + VERTEX_BYTES * n_vertices)?;
+        let tree = if n <= FEW {
+            workers.install(|| Tree::new(vertices, triangles, rounds, &Stop::default()))
         } else {
-            workers.watch(|stop| Tree::new(vertices, triangles, stop))
+            workers.watch(|stop| Tree::new(vertices, triangles, rounds, stop))
         }?;
         Ok(Self { tree, names: None, instructions: Instructions::best() })
     }
@@ -113,30 +128,36 @@ impl RayCaster {
     /// When there are not as many names as triangles.
     #[must_use]
     pub fn named(self, names: Vec<i64>) -> Self {
-        assert_eq!(names.len(), self.len(), "one name a triangle");
+        assert_eq!(names.len(), self.len(), "one name a triangle and round solid");
         Self { names: Some(names), ..self }
     }
 
     /// The corners of all triangles, row after row, and what these are called.
     #[must_use]
     pub fn mesh(&self) -> (Vec<[Vector; 3]>, Option<&[i64]>) {
-        let mut triangles = vec![[[0.0; 3]; 3]; self.len()];
+        let mut triangles = vec![[[0.0; 3]; 3]; self.tree.exact.len()];
         for triangle in &self.tree.exact {
             triangles[triangle.id() as usize] = [0, 1, 2].map(|i| triangle.corner(i));
         }
         (triangles, self.names.as_deref())
     }
 
-    /// How many triangles there are.
+    /// The round solids, row after row.
+    #[must_use]
+    pub fn rounds(&self) -> &[Round] {
+        &self.tree.rounds
+    }
+
+    /// How many triangles and round solids there are.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.tree.exact.len()
+        self.tree.len()
     }
 
     /// Whether there is nothing to hit.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.tree.exact.is_empty()
+        self.tree.len() == 0
     }
 
     /// The first hit of every ray, in order; directions may have any length but zero.
@@ -204,8 +225,14 @@ impl RayCaster {
 
     /// Casts and answers the rays of one task; whether all have a direction.
     pub(super) fn cast_part<Q: Query>(&self, way: Way, query: &mut Q) -> bool {
-        SCRATCH
-            .with_borrow_mut(|scratch| cast_on(self.instructions, way, &self.tree, query, scratch))
+        SCRATCH.with_borrow_mut(|scratch| {
+            let (set, tree) = (self.instructions, &self.tree);
+            if tree.rounds.is_empty() {
+                cast_on::<Q, false>(set, way, tree, query, scratch)
+            } else {
+                cast_on::<Q, true>(set, way, tree, query, scratch)
+            }
+        })
     }
 }
 
@@ -223,23 +250,23 @@ thread_local! {
 }
 
 for_each_set! {
-    fn cast_on<Q: Query>(way: Way, tree: &Tree, query: &mut Q, scratch: &mut Scratch) -> bool {
+    fn cast_on<Q: Query, const ROUND: bool>(way: Way, tree: &Tree, query: &mut Q, scratch: &mut Scratch) -> bool {
         let Scratch { packet, flights } = scratch;
         match way {
             _ if query.len() == 0 => true,
-            _ if tree.exact.is_empty() => query.miss(),
+            _ if tree.len() == 0 => query.miss(),
             Way::OneByOne => {
-                walk::cast::<Set, Q>(tree, query, &mut packet.bundle, &mut flights[0].walk)
+                walk::cast::<Set, Q, ROUND>(tree, query, &mut packet.bundle, &mut flights[0].walk)
             }
             Way::Interleaved => {
-                interleaved::cast::<Set, Q>(tree, query, &mut packet.bundle, flights)
+                interleaved::cast::<Set, Q, ROUND>(tree, query, &mut packet.bundle, flights)
             }
             Way::Packets(tiles) => {
                 let start = Start::new(query.origin(0), &tree.frame);
                 if start.is_far {
-                    return interleaved::cast::<Set, Q>(tree, query, &mut packet.bundle, flights);
+                    return interleaved::cast::<Set, Q, ROUND>(tree, query, &mut packet.bundle, flights);
                 }
-                packet::cast::<Set, Q>(tree, tiles, start, query, packet, flights)
+                packet::cast::<Set, Q, ROUND>(tree, tiles, start, query, packet, flights)
             }
         }
     }
@@ -285,7 +312,7 @@ impl RayCaster {
     }
 }
 
-/// Every triangle in float64.
+/// Every triangle and round solid in float64.
 #[cold]
 pub(super) fn cast_at_all(tree: &Tree, origin: Vector, direction: Vector) -> Hit {
     let ray = ShearedRay::new(origin, direction);
@@ -293,5 +320,10 @@ pub(super) fn cast_at_all(tree: &Tree, origin: Vector, direction: Vector) -> Hit
         let range = ray.cast(&triangle.corners)?;
         Some(Hit { range, triangle: triangle.id() })
     });
-    hits.fold(Hit::NONE, |best, hit| if hit.is_before(best) { hit } else { best })
+    let rounds = (0..).zip(&tree.rounds).map(|(row, round)| Hit {
+        range: round.cast_one(origin, direction),
+        triangle: tree.round_id(row),
+    });
+    let rounds = rounds.filter(|hit| hit.range < f64::INFINITY);
+    hits.chain(rounds).fold(Hit::NONE, |best, hit| if hit.is_before(best) { hit } else { best })
 }

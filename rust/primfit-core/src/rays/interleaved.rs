@@ -8,9 +8,10 @@ use super::leaf::candidates;
 use super::query::Query;
 use super::ray::Ray;
 use super::supply::{Next, Supply};
-use super::tree::{LEAF, Tree};
+use super::tree::{LEAF, ROUND_LEAF, Tree};
 use super::triangle::ShearedRay;
 use super::walk::Walk;
+use crate::Vector;
 use crate::lanes::Isa;
 
 /// Rays in flight.
@@ -37,19 +38,28 @@ impl Flight {
 
     /// Starts another ray at a child.
     #[inline(always)]
-    pub fn restart(&mut self, tree: &Tree, ray: Ray, exact: ShearedRay, hit: Hit, child: u32) {
-        self.walk.restart(ray, exact, hit);
-        prefetch_child(tree, child);
+    pub fn restart<const ROUND: bool>(
+        &mut self,
+        tree: &Tree,
+        (ray, exact, direction): (Ray, ShearedRay, Vector),
+        hit: Hit,
+        child: u32,
+    ) {
+        self.walk.restart::<ROUND>(ray, exact, direction, hit);
+        prefetch_child::<ROUND>(tree, child);
         self.step = Step::Child(child);
     }
 
     /// Takes a step; whether there are more.
     #[inline(always)]
-    fn advance<I: Isa>(&mut self, tree: &Tree) -> bool {
+    fn advance<I: Isa, const ROUND: bool>(&mut self, tree: &Tree) -> bool {
         let walk = &mut self.walk;
         let next = match self.step {
             Step::Done => return false,
             Step::Child(child) if child & LEAF == 0 => walk.enter::<I>(&tree.nodes[child as usize]),
+            Step::Child(leaf) if ROUND && leaf & ROUND_LEAF != 0 => {
+                walk.meet(tree, leaf ^ (LEAF | ROUND_LEAF))
+            }
             Step::Child(leaf) => {
                 let block = &tree.blocks[(leaf ^ LEAF) as usize];
                 let mask = candidates::<I>(block, &walk.ray);
@@ -67,7 +77,7 @@ impl Flight {
             self.step = Step::Done;
             return false;
         };
-        prefetch_child(tree, child);
+        prefetch_child::<ROUND>(tree, child);
         self.step = Step::Child(child);
         true
     }
@@ -75,19 +85,19 @@ impl Flight {
 
 /// All steps of some rays.
 #[inline(always)]
-pub fn finish<I: Isa>(tree: &Tree, flights: &mut [Flight]) {
+pub fn finish<I: Isa, const ROUND: bool>(tree: &Tree, flights: &mut [Flight]) {
     let mut goes_on = true;
     while goes_on {
         goes_on = false;
         for flight in &mut *flights {
-            goes_on |= flight.advance::<I>(tree);
+            goes_on |= flight.advance::<I, ROUND>(tree);
         }
     }
 }
 
 /// Casts all rays; whether all have a direction.
 #[inline(always)]
-pub fn cast<I: Isa, Q: Query>(
+pub fn cast<I: Isa, Q: Query, const ROUND: bool>(
     tree: &Tree,
     query: &mut Q,
     bundle: &mut Bundle,
@@ -102,7 +112,7 @@ pub fn cast<I: Isa, Q: Query>(
     loop {
         let mut goes_on = false;
         for (flight, flying) in flights.iter_mut().zip(&mut rays) {
-            if flight.advance::<I>(tree) {
+            if flight.advance::<I, ROUND>(tree) {
                 goes_on = true;
                 continue;
             }
@@ -111,7 +121,7 @@ pub fn cast<I: Isa, Q: Query>(
             }
             match supply.next::<I, Q>(tree, query) {
                 Next::Enters { row, direction, ray, exact } => {
-                    flight.restart(tree, ray, exact, Hit::NONE, 0);
+                    flight.restart::<ROUND>(tree, (ray, exact, direction), Hit::NONE, 0);
                     *flying = Some((row, direction));
                     goes_on = true;
                 }
@@ -127,9 +137,11 @@ pub fn cast<I: Isa, Q: Query>(
 
 /// Asks for the memory of a child.
 #[inline(always)]
-pub fn prefetch_child(tree: &Tree, child: u32) {
+pub fn prefetch_child<const ROUND: bool>(tree: &Tree, child: u32) {
     if child & LEAF == 0 {
         prefetch(&tree.nodes[child as usize]);
+    } else if ROUND && child & ROUND_LEAF != 0 {
+        prefetch(&tree.rounds[(child ^ (LEAF | ROUND_LEAF)) as usize]);
     } else {
         prefetch(&tree.blocks[(child ^ LEAF) as usize]);
     }

@@ -18,7 +18,7 @@ use super::leaf::Triangles;
 use super::query::{Nearest, Query};
 use super::ray::{Start, ULP};
 use super::tiles::{RAYS, Tiles};
-use super::tree::{Block, LEAF, Node, Tree, WIDTH};
+use super::tree::{Block, LEAF, Node, ROUND_LEAF, Tree, WIDTH};
 use super::triangle::ShearedRay;
 use super::walk::STACK;
 use crate::Vector;
@@ -52,7 +52,7 @@ pub struct Packet {
 
 /// Casts all rays of one origin, which must not be far, tile by tile; whether all have a direction.
 #[inline(always)]
-pub fn cast<I: Isa, Q: Query>(
+pub fn cast<I: Isa, Q: Query, const ROUND: bool>(
     tree: &Tree,
     tiles: Tiles,
     start: Start,
@@ -71,7 +71,7 @@ pub fn cast<I: Isa, Q: Query>(
             return false;
         }
         packet.prepare::<I>(tree);
-        packet.traverse::<I>(tree, flights, u32::MAX >> (32 - count));
+        packet.traverse::<I, ROUND>(tree, flights, u32::MAX >> (32 - count));
         query.answer(rows, count, &packet.bundle.exact, &packet.nearest);
     }
     true
@@ -118,15 +118,24 @@ impl Packet {
     }
 
     #[inline(always)]
-    fn traverse<I: Isa>(&mut self, tree: &Tree, flights: &mut [Flight], all: u32) {
+    fn traverse<I: Isa, const ROUND: bool>(
+        &mut self,
+        tree: &Tree,
+        flights: &mut [Flight],
+        all: u32,
+    ) {
         let few = if tree.nodes.len() < LARGE { FEW } else { MANY };
         let (mut child, mut mask) = (0_u32, all);
         loop {
-            if child & LEAF != 0 {
+            if ROUND && child & (LEAF | ROUND_LEAF) == LEAF | ROUND_LEAF {
+                self.meet::<I>(tree, child ^ (LEAF | ROUND_LEAF), mask);
+            } else if child & LEAF != 0 {
                 self.leaf::<I>(tree, &tree.blocks[(child ^ LEAF) as usize], mask);
             } else if mask.count_ones() <= few {
-                self.go_alone::<I>(tree, flights, child, mask);
-            } else if let Some(next) = self.enter::<I>(tree, &tree.nodes[child as usize], mask) {
+                self.go_alone::<I, ROUND>(tree, flights, child, mask);
+            } else if let Some(next) =
+                self.enter::<I, ROUND>(tree, &tree.nodes[child as usize], mask)
+            {
                 (child, mask) = next;
                 continue;
             }
@@ -137,12 +146,17 @@ impl Packet {
 
     /// The children that rays of `mask` enter; the nearest is next, with its rays.
     #[inline(always)]
-    fn enter<I: Isa>(&mut self, tree: &Tree, node: &Node, mask: u32) -> Option<(u32, u32)> {
+    fn enter<I: Isa, const ROUND: bool>(
+        &mut self,
+        tree: &Tree,
+        node: &Node,
+        mask: u32,
+    ) -> Option<(u32, u32)> {
         let (entry, mut children) = beam::slabs::<I>(node, self.start, &self.beam, self.last);
         if !tree.is_cached() {
             let mut rest = children;
             while rest != 0 {
-                prefetch_child(tree, node.children[rest.trailing_zeros() as usize]);
+                prefetch_child::<ROUND>(tree, node.children[rest.trailing_zeros() as usize]);
                 rest &= rest - 1;
             }
         }
@@ -252,19 +266,7 @@ impl Packet {
             && let Some(depths) =
                 ShearedRay::cast_many(self.origin, axes, &self.shears, &triangle.corners)
         {
-            let mut positions = [0.0; RAYS];
-            for i in 0..RAYS {
-                let (old, new) = (self.nearest.ranges[i], depths[i]);
-                let is_before = (new < old) | ((new == old) & (id < self.nearest.triangles[i]));
-                self.nearest.ranges[i] = if is_before { new } else { old };
-                self.nearest.triangles[i] = if is_before { id } else { self.nearest.triangles[i] };
-                positions[i] = self.nearest.ranges[i] * self.bundle.scales[i];
-            }
-            let reach = I::Sixteen::splat(8.0 * ULP * self.start.reach);
-            let limits = I::Sixteen::narrow(&positions) + reach;
-            let limits = limits.min(I::Sixteen::load(&self.limits));
-            self.last = limits.greatest();
-            self.limits = limits.store();
+            self.take::<I>(&depths, id);
             return;
         }
         while candidates != 0 {
@@ -283,9 +285,51 @@ impl Packet {
         self.last = I::Sixteen::load(&self.limits).greatest();
     }
 
+    /// A round solid against all rays; those that do not enter its box do not meet it.
+    #[inline(always)]
+    fn meet<I: Isa>(&mut self, tree: &Tree, row: u32, mask: u32) {
+        let (round, id) = (&tree.rounds[row as usize], tree.round_id(row));
+        if mask.count_ones() > FEW_CANDIDATES {
+            self.take::<I>(&round.cast(self.origin, &self.bundle.exact, mask), id);
+            return;
+        }
+        let mut rest = mask;
+        let mut ranges = [f64::INFINITY; RAYS];
+        while rest != 0 {
+            let i = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            ranges[i] = round.cast_one(self.origin, lane(&self.bundle.exact, i));
+        }
+        self.take::<I>(&ranges, id);
+    }
+
+    /// Takes the ranges of all rays to what has a number, infinite for none, where they are nearer.
+    #[inline(always)]
+    fn take<I: Isa>(&mut self, ranges: &Doubles, id: i64) {
+        let mut positions = [0.0; RAYS];
+        for i in 0..RAYS {
+            let (old, new) = (self.nearest.ranges[i], ranges[i]);
+            let is_before = (new < old) | ((new == old) & (id < self.nearest.triangles[i]));
+            self.nearest.ranges[i] = if is_before { new } else { old };
+            self.nearest.triangles[i] = if is_before { id } else { self.nearest.triangles[i] };
+            positions[i] = self.nearest.ranges[i] * self.bundle.scales[i];
+        }
+        let reach = I::Sixteen::splat(8.0 * ULP * self.start.reach);
+        let limits = I::Sixteen::narrow(&positions) + reach;
+        let limits = limits.min(I::Sixteen::load(&self.limits));
+        self.last = limits.greatest();
+        self.limits = limits.store();
+    }
+
     /// Each ray of `mask` by itself from `child` on.
     #[inline(always)]
-    fn go_alone<I: Isa>(&mut self, tree: &Tree, flights: &mut [Flight], child: u32, mask: u32) {
+    fn go_alone<I: Isa, const ROUND: bool>(
+        &mut self,
+        tree: &Tree,
+        flights: &mut [Flight],
+        child: u32,
+        mask: u32,
+    ) {
         let flights = &mut flights[..mask.count_ones() as usize];
         let mut rest = mask;
         for flight in &mut *flights {
@@ -293,9 +337,10 @@ impl Packet {
             rest &= rest - 1;
             let ray = self.bundle.ray(i, self.start, self.limits[i]);
             let (exact, hit) = (self.exact(i), self.nearest.get(i));
-            flight.restart(tree, ray, exact, hit, child);
+            let direction = lane(&self.bundle.exact, i);
+            flight.restart::<ROUND>(tree, (ray, exact, direction), hit, child);
         }
-        interleaved::finish::<I>(tree, flights);
+        interleaved::finish::<I, ROUND>(tree, flights);
         let mut rest = mask;
         for flight in flights {
             let i = rest.trailing_zeros() as usize;

@@ -1,4 +1,4 @@
-//! Where to cut a set of triangles in two: binned surface area heuristic.
+//! Where to cut a set of triangles and round solids in two: binned surface area heuristic.
 //!
 //! Wald: On fast Construction of SAH-based Bounding Volume Hierarchies, RT 2007.
 
@@ -34,7 +34,7 @@ impl Bounds {
     }
 }
 
-/// The box of a triangle, rounded outward.
+/// The box of a triangle or round solid, rounded outward.
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
 pub struct Part {
@@ -50,6 +50,15 @@ impl Part {
             low: std::array::from_fn(|k| (a[k].min(b[k]).min(c[k]) as f32).next_down()),
             id,
             high: std::array::from_fn(|k| (a[k].max(b[k]).max(c[k]) as f32).next_up()),
+        }
+    }
+
+    /// One with a given box.
+    pub fn around(id: u32, [low, high]: [Vector; 2]) -> Self {
+        Self {
+            low: low.map(|x| (x as f32).next_down()),
+            id,
+            high: high.map(|x| (x as f32).next_up()),
         }
     }
 

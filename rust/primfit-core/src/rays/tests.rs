@@ -1,9 +1,11 @@
-//! Every instruction set and every way through the tree against all triangles in float64.
+//! Every instruction set and every way through the tree against all triangles and round solids in
+//! float64.
 
 #![allow(clippy::unwrap_used)]
 
 use super::caster::{Hit, RayCaster, Way, cast_at_all};
 use super::query::{Rays, unit};
+use super::round::Round;
 use crate::instructions::Instructions;
 use crate::{Vector, Workers};
 use proptest::prelude::*;
@@ -94,13 +96,17 @@ fn target(numbers: &mut Numbers, (vertices, triangles): &Mesh) -> Vector {
     std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
 }
 
-fn ready((vertices, triangles): &Mesh) -> RayCaster {
-    RayCaster::new(vertices, triangles, &Workers::new(None, &|| true).unwrap()).unwrap()
+fn ready((vertices, triangles): &Mesh, rounds: &[Round]) -> RayCaster {
+    let workers = Workers::new(None, &|| true).unwrap();
+    RayCaster::with_rounds(vertices, triangles, rounds, &workers).unwrap()
 }
 
 /// What all instruction sets find on every way; they must agree to the bit.
 fn cast_everywhere(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Vec<Hit> {
-    let mut caster = ready(mesh);
+    cast_on_all(ready(mesh, &[]), origins, directions)
+}
+
+fn cast_on_all(mut caster: RayCaster, origins: &[Vector], directions: &[Vector]) -> Vec<Hit> {
     let mut found: Option<Vec<Hit>> = None;
     for instructions in Instructions::available() {
         caster.use_instructions(instructions);
@@ -132,14 +138,155 @@ fn cast_everywhere(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Ve
 }
 
 fn cast_brute(mesh: &Mesh, origins: &[Vector], directions: &[Vector]) -> Vec<Hit> {
-    let caster = ready(mesh);
+    cast_at_each(&ready(mesh, &[]), origins, directions)
+}
+
+fn cast_at_each(caster: &RayCaster, origins: &[Vector], directions: &[Vector]) -> Vec<Hit> {
     let rays = origins.iter().zip(directions);
     rays.map(|(&origin, &direction)| cast_at_all(caster.tree(), origin, unit(direction).unwrap()))
         .collect()
 }
 
+/// A solid of each kind in turn: sphere, cylinder, cone, cut off cone, torus.
+fn rounds(numbers: &mut Numbers, n: usize, size: f64, scale: f64, offset: f64) -> Vec<Round> {
+    (0..n)
+        .map(|i| {
+            let center = numbers.vector().map(|x| x * scale + offset);
+            let mut length = || size * scale * (1.1 + numbers.next());
+            let [one, two, half] = [length(), length(), length()];
+            let axis =
+                if i % 3 == 0 { [0.0, 0.0, 1.0] } else { towards([0.0; 3], numbers.vector()) };
+            let frustum = |base_radius, top_radius| Round::Frustum {
+                center,
+                axis,
+                half,
+                base_radius,
+                top_radius,
+            };
+            match i % 5 {
+                0 => Round::Sphere { center, radius: one },
+                1 => frustum(one, one),
+                2 => frustum(one, 0.0),
+                3 => frustum(one, two),
+                _ => Round::Torus { center, axis, major_radius: one + two, radius: one },
+            }
+        })
+        .collect()
+}
+
+/// A point of a rim, of the side, or of a sphere or torus.
+fn target_on(numbers: &mut Numbers, round: &Round) -> Vector {
+    let across = |axis: Vector, numbers: &mut Numbers| {
+        let v = numbers.vector();
+        let along = v[0] * axis[0] + v[1] * axis[1] + v[2] * axis[2];
+        towards([0.0; 3], std::array::from_fn(|k| v[k] - along * axis[k]))
+    };
+    match *round {
+        Round::Sphere { center, radius } => {
+            let out = towards([0.0; 3], numbers.vector());
+            std::array::from_fn(|k| center[k] + radius * out[k])
+        }
+        Round::Frustum { center, axis, half, base_radius, top_radius } => {
+            let t = match numbers.below(3) {
+                0 => -1.0,
+                1 => 1.0,
+                _ => numbers.next(),
+            };
+            let radius = base_radius + f64::midpoint(t, 1.0) * (top_radius - base_radius);
+            let out = across(axis, numbers);
+            std::array::from_fn(|k| center[k] + t * half * axis[k] + radius * out[k])
+        }
+        Round::Torus { center, axis, major_radius, radius } => {
+            let out = across(axis, numbers);
+            let [s, c] = [numbers.next(), numbers.next()];
+            let [s, c] = [s, c].map(|x| x / (s * s + c * c).sqrt());
+            std::array::from_fn(|k| {
+                center[k] + (major_radius + radius * c) * out[k] + radius * s * axis[k]
+            })
+        }
+    }
+}
+
+/// A point well within.
+fn within(numbers: &mut Numbers, round: &Round) -> Vector {
+    match *round {
+        Round::Sphere { center, .. } => center,
+        Round::Frustum { center, axis, half, .. } => {
+            let t = 0.9 * numbers.next();
+            std::array::from_fn(|k| center[k] + t * half * axis[k])
+        }
+        Round::Torus { center, axis, major_radius, .. } => target_on(
+            numbers,
+            &Round::Frustum {
+                center,
+                axis,
+                half: 0.0,
+                base_radius: major_radius,
+                top_radius: major_radius,
+            },
+        ),
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn all_ways_find_round_solids_beside_triangles(
+        seed in any::<u64>(),
+        n in 0_usize..200,
+        n_rounds in 1_usize..120,
+        size in prop::sample::select(vec![0.5, 0.05, 1e-4]),
+        scale in prop::sample::select(vec![1e-3, 1.0, 1e3]),
+        offset in prop::sample::select(vec![0.0, 1.0]),
+        distance in prop::sample::select(vec![0.0, 0.5, 5.0, 1e3, 1e8, 1e20]),
+        shared in any::<bool>(),
+    ) {
+        let numbers = &mut Numbers(seed);
+        let mesh = soup(numbers, n, size, scale, offset);
+        let rounds = rounds(numbers, n_rounds, size, scale, offset);
+        let one = numbers.vector();
+        let (origins, directions): (Vec<Vector>, Vec<Vector>) = (0..160)
+            .map(|i| {
+                let place = if shared { one } else { numbers.vector() };
+                let origin = place.map(|x| (x * distance) * scale + offset);
+                let end = if n > 0 && i % 2 == 0 {
+                    target(numbers, &mesh)
+                } else {
+                    let round = &rounds[numbers.below(n_rounds)];
+                    target_on(numbers, round)
+                };
+                let mut direction = towards(origin, end);
+                if i % 9 == 0 {
+                    let axis = numbers.below(3);
+                    direction = [0.0, -0.0, 0.0];
+                    direction[axis] = numbers.next().signum();
+                }
+                (origin, direction)
+            })
+            .unzip();
+        let brute = cast_at_each(&ready(&mesh, &rounds), &origins, &directions);
+        let hits = cast_on_all(ready(&mesh, &rounds), &origins, &directions);
+        prop_assert_eq!(hits, brute);
+    }
+
+    #[test]
+    fn nothing_leaks_from_round_solids(
+        seed in any::<u64>(),
+        size in prop::sample::select(vec![0.5, 0.05]),
+        scale in prop::sample::select(vec![1e-3, 1.0, 1e3]),
+        offset in prop::sample::select(vec![0.0, 1.0, 1e3]),
+    ) {
+        let numbers = &mut Numbers(seed);
+        for round in rounds(numbers, 10, size, scale, offset) {
+            let origin = within(numbers, &round);
+            let directions: Vec<Vector> =
+                (0..200).map(|_| towards(origin, target_on(numbers, &round))).collect();
+            let caster = ready(&(vec![], vec![]), &[round]);
+            let hits = cast_on_all(caster, &vec![origin; directions.len()], &directions);
+            prop_assert!(hits.iter().all(|hit| hit.triangle == 0), "{:?}", round);
+        }
+    }
 
     #[test]
     fn all_ways_find_what_all_triangles_say(

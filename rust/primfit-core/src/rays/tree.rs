@@ -2,11 +2,12 @@
 //!
 //! It lies in a frame of its own, in which the scene is centred and reaches from -1 to 1: boxes
 //! and triangles are float32 there. Beside them are the triangles as they came, in float64, in
-//! the order of the leaves.
+//! the order of the leaves, and the round solids, each a leaf by itself.
 
 #![allow(clippy::inline_always)]
 
 use super::memory::with_room;
+use super::round::Round;
 use super::split::{Part, Range, split};
 use super::triangle::Corners;
 use crate::workers::Stop;
@@ -17,6 +18,8 @@ use rayon::prelude::*;
 pub const WIDTH: usize = 8;
 /// Set in the code of a child that is a leaf; the rest is the row of the block or node.
 pub const LEAF: u32 = 1 << 31;
+/// Set as well in that of a round solid, whose row the rest is then.
+pub const ROUND_LEAF: u32 = 1 << 30;
 /// Nodes from which a tree does not stay in the cache.
 const CACHED: usize = 4000;
 /// Parts that are worth another thread, and fewest items that one fills in.
@@ -108,6 +111,8 @@ pub struct Tree {
     pub nodes: Vec<Node>,
     pub blocks: Vec<Block>,
     pub exact: Vec<Exact>,
+    /// Their rows follow those of the triangles.
+    pub rounds: Vec<Round>,
 }
 
 impl Tree {
@@ -115,7 +120,12 @@ impl Tree {
     ///
     /// # Errors
     /// [`Error::Stopped`] when the caller does not want to go on.
-    pub fn new(vertices: &[Vector], triangles: &[[i64; 3]], stop: &Stop) -> Result<Self, Error> {
+    pub fn new(
+        vertices: &[Vector],
+        triangles: &[[i64; 3]],
+        rounds: &[Round],
+        stop: &Stop,
+    ) -> Result<Self, Error> {
         let corners = |id: u32| triangles[id as usize].map(|vertex| vertices[vertex as usize]);
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for (id, triangle) in triangles.iter().enumerate() {
@@ -129,13 +139,28 @@ impl Tree {
                 }
             }
         }
+        for [least, greatest] in rounds.iter().map(Round::bounds) {
+            for k in 0..3 {
+                low[k] = low[k].min(least[k]);
+                high[k] = high[k].max(greatest[k]);
+            }
+        }
         let frame = Frame::around([low, high]);
         let mut parts = filled(triangles.len(), stop, |id| {
             Part::new(id as u32, corners(id as u32).map(|v| frame.place(v)))
         })?;
-        let mut branch = Branch::default();
+        let first_round = triangles.len() as u32;
+        parts.extend(
+            (first_round..).zip(rounds).map(|(id, round)| {
+                Part::around(id, round.bounds().map(|corner| frame.place(corner)))
+            }),
+        );
+        let mut branch = Branch { first_round, ..Branch::default() };
         if !parts.is_empty() {
             branch.grow(Range::all(&parts), &mut parts, 0, stop)?;
+        }
+        if !rounds.is_empty() {
+            branch.leave_out_rounds(&mut parts);
         }
         let exact = filled(parts.len(), stop, |i| Exact::new(corners(parts[i].id), parts[i].id))?;
         let blocks = filled(branch.leaves.len(), stop, |i| {
@@ -144,7 +169,7 @@ impl Tree {
         })?;
         let mut nodes = with_room(branch.nodes.len());
         nodes.append(&mut branch.nodes);
-        Ok(Self { frame, nodes, blocks, exact })
+        Ok(Self { frame, nodes, blocks, exact, rounds: rounds.to_vec() })
     }
 }
 
@@ -168,6 +193,18 @@ impl Tree {
     #[inline]
     pub fn is_cached(&self) -> bool {
         self.nodes.len() < CACHED
+    }
+
+    /// How many triangles and round solids there are.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.exact.len() + self.rounds.len()
+    }
+
+    /// The number by which the round solid in a row of [`Self::rounds`] is known.
+    #[inline(always)]
+    pub fn round_id(&self, row: u32) -> i64 {
+        self.exact.len() as i64 + i64::from(row)
     }
 }
 
@@ -203,6 +240,8 @@ impl Block {
 struct Branch {
     nodes: Vec<Node>,
     leaves: Vec<(u32, u32)>,
+    /// Parts from this number on are round solids.
+    first_round: u32,
 }
 
 impl Branch {
@@ -215,15 +254,16 @@ impl Branch {
         stop: &Stop,
     ) -> Result<(), Error> {
         stop.check()?;
+        let first = range.first;
         let mut children = vec![range];
         while children.len() < WIDTH {
             let widest = (0..children.len())
-                .filter(|&i| children[i].len() > WIDTH)
+                .filter(|&i| !self.is_leaf(&children[i], &parts[children[i].first - first..]))
                 .max_by(|&i, &j| children[i].area().total_cmp(&children[j].area()));
             let Some(widest) = widest else { break };
             stop.check()?;
             let child = children[widest].clone();
-            let here = child.first - range_start(&children);
+            let here = child.first - first;
             let (left, right) = split(&child, &mut parts[here..here + child.len()], depth);
             children[widest] = left;
             children.insert(widest + 1, right);
@@ -235,9 +275,13 @@ impl Branch {
         for (slot, child) in children.into_iter().enumerate() {
             let (these, others) = rest.split_at_mut(child.len());
             rest = others;
-            if child.len() <= WIDTH {
-                self.nodes[row].children[slot] = LEAF | self.leaves.len() as u32;
-                self.leaves.push((child.first as u32, child.len() as u32));
+            if self.is_leaf(&child, these) {
+                self.nodes[row].children[slot] = if these[0].id < self.first_round {
+                    self.leaves.push((child.first as u32, child.len() as u32));
+                    LEAF | (self.leaves.len() - 1) as u32
+                } else {
+                    LEAF | ROUND_LEAF | (these[0].id - self.first_round)
+                };
             } else {
                 grown.push((slot, child, these));
             }
@@ -252,7 +296,7 @@ impl Branch {
         let branches = grown
             .into_par_iter()
             .map(|(slot, child, parts)| {
-                let mut branch = Self::default();
+                let mut branch = Self { first_round: self.first_round, ..Self::default() };
                 branch.grow(child, parts, depth + 1, stop)?;
                 Ok((slot, branch))
             })
@@ -268,16 +312,38 @@ impl Branch {
         let (n_nodes, n_leaves) = (self.nodes.len() as u32, self.leaves.len() as u32);
         self.nodes.extend(branch.nodes.into_iter().map(|mut node| {
             for child in &mut node.children {
-                *child += if *child & LEAF == 0 { n_nodes } else { n_leaves };
+                *child += match *child & (LEAF | ROUND_LEAF) {
+                    0 => n_nodes,
+                    LEAF => n_leaves,
+                    _ => 0,
+                };
             }
             node
         }));
         self.leaves.extend(branch.leaves);
     }
-}
 
-fn range_start(children: &[Range]) -> usize {
-    children[0].first
+    /// Whether a range of parts that begin with it is a leaf: few triangles, or one round solid.
+    fn is_leaf(&self, range: &Range, parts: &[Part]) -> bool {
+        let n = range.len();
+        n <= WIDTH && (n == 1 || parts[..n].iter().all(|part| part.id < self.first_round))
+    }
+
+    /// Leaves only triangles in `parts`, and counts the leaves by them.
+    fn leave_out_rounds(&mut self, parts: &mut Vec<Part>) {
+        let mut n_triangles = 0;
+        let before: Vec<u32> = parts
+            .iter()
+            .map(|part| {
+                n_triangles += u32::from(part.id < self.first_round);
+                n_triangles - u32::from(part.id < self.first_round)
+            })
+            .collect();
+        for (first, _) in &mut self.leaves {
+            *first = before[*first as usize];
+        }
+        parts.retain(|part| part.id < self.first_round);
+    }
 }
 
 impl Node {

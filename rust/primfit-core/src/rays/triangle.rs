@@ -63,6 +63,10 @@ impl ShearedRay {
         Self { origin, axes, shear }
     }
 
+    pub fn origin(&self) -> Vector {
+        self.origin
+    }
+
     /// Distance to the triangle in units of the direction, at zero or beyond.
     #[inline(always)]
     pub fn cast(&self, triangle: &Corners) -> Option<f64> {

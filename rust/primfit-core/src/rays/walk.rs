@@ -8,8 +8,9 @@ use super::leaf::candidates;
 use super::query::Query;
 use super::ray::Ray;
 use super::supply::{Next, Supply};
-use super::tree::{LEAF, Node, Tree, WIDTH};
+use super::tree::{LEAF, Node, ROUND_LEAF, Tree, WIDTH};
 use super::triangle::ShearedRay;
+use crate::Vector;
 use crate::lanes::{Isa, Lanes, splat};
 
 /// More than the children that can wait: seven a level, and `split::DEEPEST` levels and those of
@@ -20,6 +21,8 @@ pub const STACK: usize = 512;
 pub struct Walk {
     pub ray: Ray,
     exact: ShearedRay,
+    /// Of unit length, for round solids.
+    direction: Vector,
     pub hit: Hit,
     /// Children by entry: the bits of the position, then the code of the child.
     stack: [u64; STACK],
@@ -32,6 +35,7 @@ impl Walk {
         Self {
             ray: Ray::default(),
             exact: ShearedRay::default(),
+            direction: [0.0; 3],
             hit: Hit::NONE,
             stack: [0; STACK],
             waiting: 0,
@@ -40,20 +44,31 @@ impl Walk {
 
     /// Starts another ray, which hit something already or [`Hit::NONE`].
     #[inline(always)]
-    pub fn restart(&mut self, ray: Ray, exact: ShearedRay, hit: Hit) {
+    pub fn restart<const ROUND: bool>(
+        &mut self,
+        ray: Ray,
+        exact: ShearedRay,
+        direction: Vector,
+        hit: Hit,
+    ) {
         self.ray = ray;
         self.exact = exact;
+        if ROUND {
+            self.direction = direction;
+        }
         self.hit = hit;
         self.waiting = 0;
     }
 
     /// All steps from `child` on.
     #[inline(always)]
-    pub fn finish<I: Isa>(&mut self, tree: &Tree, child: u32) {
+    pub fn finish<I: Isa, const ROUND: bool>(&mut self, tree: &Tree, child: u32) {
         let mut next = Some(child);
         while let Some(child) = next {
             next = if child & LEAF == 0 {
                 self.enter::<I>(&tree.nodes[child as usize])
+            } else if ROUND && child & ROUND_LEAF != 0 {
+                self.meet(tree, child ^ (LEAF | ROUND_LEAF))
             } else {
                 let block = &tree.blocks[(child ^ LEAF) as usize];
                 let mask = candidates::<I>(block, &self.ray);
@@ -116,6 +131,18 @@ impl Walk {
         self.pop()
     }
 
+    /// Tests a round solid.
+    #[inline(always)]
+    pub fn meet(&mut self, tree: &Tree, row: u32) -> Option<u32> {
+        let range = tree.rounds[row as usize].cast_one(self.exact.origin(), self.direction);
+        let hit = Hit { range, triangle: tree.round_id(row) };
+        if range < f64::INFINITY && hit.is_before(self.hit) {
+            self.hit = hit;
+            self.ray.stop_at(range);
+        }
+        self.pop()
+    }
+
     #[inline(always)]
     pub fn pop(&mut self) -> Option<u32> {
         let limit = self.ray.limit;
@@ -132,7 +159,7 @@ impl Walk {
 
 /// Casts all rays, one after the other; whether all have a direction.
 #[inline(always)]
-pub fn cast<I: Isa, Q: Query>(
+pub fn cast<I: Isa, Q: Query, const ROUND: bool>(
     tree: &Tree,
     query: &mut Q,
     bundle: &mut Bundle,
@@ -142,8 +169,8 @@ pub fn cast<I: Isa, Q: Query>(
     loop {
         match supply.next::<I, Q>(tree, query) {
             Next::Enters { row, direction, ray, exact } => {
-                walk.restart(ray, exact, Hit::NONE);
-                walk.finish::<I>(tree, 0);
+                walk.restart::<ROUND>(ray, exact, direction, Hit::NONE);
+                walk.finish::<I, ROUND>(tree, 0);
                 query.answer_one(row, direction, walk.hit);
             }
             Next::NoDirection => return false,

@@ -23,10 +23,13 @@ from primfit._check import (
 from primfit.clouds.foreign import PointsLike, points_of
 from primfit.geometry import footprints
 from primfit.geometry.extrusions import prism_faces, prism_triangles, prism_vertices
+from primfit.geometry.products import product
+from primfit.geometry.shapes import dimensions_of
+from primfit.solids.solid import Solid
 
 
 @dataclass(frozen=True, eq=False)
-class Prism:
+class Prism(Solid):
     """An upright solid: a footprint drawn up from ``base`` by ``height``.
 
     Parameters
@@ -54,6 +57,8 @@ class Prism:
     >>> primfit.Prism.circle(0.12, center=(1, 1))
     Prism(circle, center=(1.000, 1.000), size=0.120 m, angle=0.00 deg, height=0.2 m)
     """
+
+    type_name = "prism"
 
     footprint: Floats
     height: float = 0.2
@@ -154,6 +159,31 @@ class Prism:
         return footprints.kind_of(self.footprint)
 
     @property
+    def solid_kind(self) -> str:
+        """Class name, the same at any tilt: "box", "cube", "wedge", "cylinder" or "prism"."""
+        if self.kind == "square":
+            is_cube = abs(self.height - self.size) <= footprints.TOLERANCE * self.height  # type: ignore[operator]
+            return "cube" if is_cube else "box"
+        if len(self.footprint) == 3:
+            return "wedge"
+        return {"rectangle": "box", "circle": "cylinder"}.get(self.kind, "prism")
+
+    @property
+    def dimensions(self) -> tuple[float, float, float]:
+        """Length, width and height along its own axes, metres (see `Polyhedron.dimensions`)."""
+        if self.kind == "circle":
+            diameter = 2.0 * float(self.size)  # type: ignore[arg-type]
+            return diameter, diameter, self.height
+        if self.kind in ("square", "rectangle"):
+            high, middle, low = sorted(
+                [*np.broadcast_to(self.size, 2).tolist(), self.height], reverse=True
+            )
+            return high, middle, low
+        frame = footprints.rectangle_frame(self.footprint)
+        corners = prism_vertices(product(self.footprint, frame.T), 0.0, self.height)
+        return dimensions_of(corners, self.solid_kind)
+
+    @property
     def angle(self) -> float:
         """Yaw of the footprint in radians, from zero up to its symmetry; 0 for a circle."""
         return footprints.angle_of(self.footprint)
@@ -186,6 +216,25 @@ class Prism:
         """Rows of `vertices` around each face, seen from outside: m walls, bottom, top."""
         return prism_faces(len(self.footprint))
 
+    @property
+    def volume(self) -> float:
+        """Volume, cubic metres."""
+        return float(self.shadow.area * self.height)
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper corner (3,) of the upright box around it, metres."""
+        low, high = self.footprint.min(axis=0), self.footprint.max(axis=0)
+        return np.append(low, self.base), np.append(high, self.base + self.height)
+
+    @property
+    def normals(self) -> Floats:
+        """Outward unit normals (m + 2, 3) of the faces: walls, bottom, top."""
+        along = np.roll(self.footprint, -1, axis=0) - self.footprint
+        out = np.stack([along[:, 1], -along[:, 0], np.zeros(len(along))], axis=1)
+        out /= np.linalg.norm(out, axis=1, keepdims=True)
+        return np.vstack([out, [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]])
+
     @cached_property
     def shadow(self) -> shapely.Polygon:
         """What it covers as seen from above."""
@@ -205,6 +254,7 @@ class Prism:
     def to_dict(self) -> dict[str, Any]:
         """The prism as plain numbers, for JSON."""
         return {
+            "type": self.type_name,
             "footprint": self.footprint.tolist(),
             "height": self.height,
             "base": self.base,

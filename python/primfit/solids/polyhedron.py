@@ -30,12 +30,13 @@ from primfit.geometry.footprints import angle_of, clean_footprint, regular_footp
 from primfit.geometry.products import product
 from primfit.geometry.shapes import Shape, shape_of
 from primfit.geometry.shells import FLAT
+from primfit.solids.solid import Solid
 
 _PAIRS_AT_ONCE = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
-class Polyhedron(FlatFaced):
+class Polyhedron(FlatFaced, Solid):
     """A solid with flat faces, in any position.
 
     Faces are turned outwards, flat neighbours become one face, and vertices in the middle of edges
@@ -63,6 +64,8 @@ class Polyhedron(FlatFaced):
     >>> primfit.Polyhedron.box(0.3, 0.2, 0.1, quat_xyzw=(0.5, 0, 0, 1)).kind
     'box'
     """
+
+    type_name = "polyhedron"
 
     vertices: Floats
     faces: tuple[Ints, ...]
@@ -212,6 +215,30 @@ class Polyhedron(FlatFaced):
         return self._shape.size
 
     @property
+    def solid_kind(self) -> str:
+        """Class name, the same at any tilt.
+
+        "box", "cube", "wedge", "pyramid", "frustum", "prism" or "polyhedron", as `kind`; a right
+        prism over what stands for a circle is a "cylinder".
+        """
+        return self._shape.solid_kind
+
+    @property
+    def dimensions(self) -> tuple[float, float, float]:
+        """Length, width and height along its own axes, metres, the same at any tilt.
+
+        The height goes from the base into the solid (see `quat_xyzw`), and length and width are
+        those of the rectangle around it as seen along the height. Those of a box are its sides,
+        descending.
+        """
+        return self._shape.dimensions
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper corner (3,) of the upright box around it, metres."""
+        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+
+    @property
     def quat_xyzw(self) -> Floats:
         """Orientation (4,): unit quaternion x, y, z, w that turns the world's axes into its own.
 
@@ -300,6 +327,7 @@ class Polyhedron(FlatFaced):
     def to_dict(self) -> dict[str, Any]:
         """The polyhedron as plain numbers, for JSON."""
         return {
+            "type": self.type_name,
             "vertices": self.vertices.tolist(),
             "faces": [face.tolist() for face in self.faces],
         }

@@ -1,0 +1,1 @@
+"""Solids: what worlds are made of and what is found, with flat faces or round."""
