@@ -23,6 +23,8 @@ from .scans.scan import Scan
 from .scans.scanning import scan
 from .scans.webots import export_webots
 from .segmentation import SegmentationReport, evaluate_segmentation
+from .surfaces.fitting import fit_cone, fit_cylinder, fit_sphere, fit_torus
+from .surfaces.kinds import ConeSurface, CylinderSurface, SphereSurface, TorusSurface
 from .worlds.arena import Arena
 from .worlds.paper_setting import built_of_walls, paper_path, paper_world
 from .worlds.paths import grid_path, waypoints
@@ -37,7 +39,9 @@ __all__ = [
     "Arena",
     "BoxFit",
     "Cloud",
+    "ConeSurface",
     "Contradiction",
+    "CylinderSurface",
     "Detection",
     "FoundArena",
     "FoundPolyhedron",
@@ -54,6 +58,8 @@ __all__ = [
     "Report",
     "Scan",
     "SegmentationReport",
+    "SphereSurface",
+    "TorusSurface",
     "World",
     "WorldFullError",
     "as_cloud",
@@ -68,6 +74,10 @@ __all__ = [
     "export_webots",
     "find_polyhedra",
     "fit_box",
+    "fit_cone",
+    "fit_cylinder",
+    "fit_sphere",
+    "fit_torus",
     "grid_path",
     "paper_path",
     "paper_world",

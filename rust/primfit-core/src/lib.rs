@@ -22,6 +22,7 @@ mod rays;
 mod scoring;
 mod segmentation;
 mod spread;
+mod surfaces;
 pub mod text;
 mod workers;
 
@@ -41,6 +42,10 @@ pub use parts::{PartPlane, Wanted, fit_parts};
 pub use rays::{Gate, Hits, RayCaster, Readings, Transform, turned};
 pub use scoring::{Score, score_planes};
 pub use segmentation::{Segmentation, segment};
+pub use surfaces::{
+    Kind, Measured, Oriented, Sight, Surface, SurfaceEffort, SurfaceFit, correlation_area,
+    fit_surface,
+};
 pub use workers::Workers;
 
 /// A point or a direction: x, y, z.

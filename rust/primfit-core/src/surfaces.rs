@@ -1,0 +1,13 @@
+//! Planes, spheres, cylinders, cones and tori: distances, first guesses, fits, detection.
+
+mod beams;
+mod correlation;
+mod initial;
+mod refinement;
+mod surface;
+mod vectors;
+
+pub use correlation::correlation_area;
+pub use initial::Oriented;
+pub use refinement::{Effort as SurfaceEffort, Measured, SurfaceFit, fit_surface};
+pub use surface::{Kind, Sight, Surface};
