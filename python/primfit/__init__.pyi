@@ -23,6 +23,7 @@ from .scans.scan import Scan
 from .scans.scanning import scan
 from .scans.webots import export_webots
 from .segmentation import SegmentationReport, evaluate_segmentation
+from .surfaces.detection import Surfaces, detect_surfaces
 from .surfaces.fitting import fit_cone, fit_cylinder, fit_sphere, fit_torus
 from .surfaces.kinds import ConeSurface, CylinderSurface, SphereSurface, TorusSurface
 from .worlds.arena import Arena
@@ -59,6 +60,7 @@ __all__ = [
     "Scan",
     "SegmentationReport",
     "SphereSurface",
+    "Surfaces",
     "TorusSurface",
     "World",
     "WorldFullError",
@@ -68,6 +70,7 @@ __all__ = [
     "dbscan",
     "detect",
     "detect_planes",
+    "detect_surfaces",
     "estimate_normals",
     "evaluate",
     "evaluate_segmentation",

@@ -15,6 +15,7 @@ __all__ = [
     "carve",
     "correlation_area",
     "dbscan",
+    "detect_surfaces",
     "first_surface",
     "fit_parts",
     "fit_plane",
@@ -339,3 +340,10 @@ def surface_normals(
 def correlation_area(
     tree: PointTree, errors: NDArray[np.float64], n_jobs: int | None = None
 ) -> float: ...
+def detect_surfaces(
+    tree: PointTree,
+    sigma: NDArray[np.float64],
+    parts: NDArray[np.int64],
+    least: int,
+    n_jobs: int | None = None,
+) -> tuple[list[tuple[str, list[float]]], NDArray[np.int64]]: ...

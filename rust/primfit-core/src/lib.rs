@@ -43,8 +43,8 @@ pub use rays::{Gate, Hits, RayCaster, Readings, Transform, turned};
 pub use scoring::{Score, score_planes};
 pub use segmentation::{Segmentation, segment};
 pub use surfaces::{
-    Kind, Measured, Oriented, Sight, Surface, SurfaceEffort, SurfaceFit, correlation_area,
-    fit_surface,
+    Kind, Measured, Oriented, Sight, Surface, SurfaceEffort, SurfaceFit, Surfaces,
+    correlation_area, detect_surfaces, fit_surface,
 };
 pub use workers::Workers;
 

@@ -47,7 +47,8 @@ mod _primfit {
     use crate::poses::PoseBeams;
     #[pymodule_export]
     use crate::surfaces::{
-        correlation_area, first_surface, fit_surface, surface_distances, surface_normals,
+        correlation_area, detect_surfaces, first_surface, fit_surface, surface_distances,
+        surface_normals,
     };
     #[pymodule_export]
     use crate::tables::{format_rows, parse_rows, ply_bytes, ply_words};

@@ -105,14 +105,42 @@ pub fn correlation_area(
     door::enter(py, n_jobs, |workers| primfit_core::correlation_area(tree.core(), errors, workers))
 }
 
+type Detected<'py> = (Vec<(&'static str, Numbers)>, Bound<'py, PyArray1<i64>>);
+
+/// Kind and numbers of each surface, and the surface of each point in the order of the tree.
+#[pyfunction]
+#[pyo3(signature = (tree, sigma, parts, least, n_jobs=None))]
+pub fn detect_surfaces<'py>(
+    py: Python<'py>,
+    tree: &PointTree,
+    sigma: PyReadonlyArray1<f64>,
+    parts: PyReadonlyArray1<i64>,
+    least: usize,
+    n_jobs: Option<usize>,
+) -> PyResult<Detected<'py>> {
+    let n = tree.core().points().len();
+    let (sigma, parts) = (sigma.as_slice()?, parts.as_slice()?);
+    same_length("sigma", sigma.len(), "points", n)?;
+    same_length("parts", parts.len(), "points", n)?;
+    if parts.iter().any(|&part| part < -1 || part >= n as i64) {
+        return Err(PyValueError::new_err("parts must be from -1 to the number of points"));
+    }
+    let parts: Vec<i32> = parts.iter().map(|&part| part as i32).collect();
+    let found = door::enter(py, n_jobs, |workers| {
+        primfit_core::detect_surfaces(tree.core(), sigma, &parts, least, workers)
+    })?;
+    let labels: Vec<i64> = found.labels.into_iter().map(i64::from).collect();
+    let named = |surface: Surface| (NAMES[surface.kind as usize], to_numbers(surface));
+    Ok((found.surfaces.into_iter().map(named).collect(), labels.into_pyarray(py)))
+}
+
+/// Names of the kinds, in their order.
+const NAMES: [&str; 5] = ["plane", "sphere", "cylinder", "cone", "torus"];
+
 fn kind_of(name: &str) -> PyResult<Kind> {
-    Ok(match name {
-        "plane" => Kind::Plane,
-        "sphere" => Kind::Sphere,
-        "cylinder" => Kind::Cylinder,
-        "cone" => Kind::Cone,
-        "torus" => Kind::Torus,
-        _ => return Err(PyValueError::new_err(format!("kind must be that of a surface: {name}"))),
+    let number = NAMES.iter().position(|&known| known == name);
+    number.map(|number| Kind::ALL[number]).ok_or_else(|| {
+        PyValueError::new_err(format!("kind must be one of {}, not {name}", NAMES.join(", ")))
     })
 }
 

@@ -15,12 +15,17 @@ const TIGHTENED: f64 = 8.0;
 const MOST_DAMPING: f64 = 1e8;
 /// Square of a step, in standard errors, that is none: a thousandth of one.
 const STILL: f64 = 1e-6;
+/// The same of a last step that may be left: a seventh of one.
+const RESTLESS: f64 = 0.02;
 /// Fall of the cost, as a share of it, that rounding may be.
 const ROUNDING: f64 = 1e-13;
 /// Least cosine between beam and normal: nearer to the rim the range that a beam would have depends
 /// more on the noise than it tells (a cosine of 0.1 or 0.4 moves radii by less than a tenth of
 /// their standard errors).
 pub const GRAZING: f64 = 0.25;
+/// How much farther along the beam than a plane through the foot would be, at the least angle, a
+/// crossing may be: beyond it is on another part of the surface than the point.
+const ELSEWHERE: f64 = 2.0;
 /// Radii of curvature, in standard deviations of the noise, below which the expansion that the bias
 /// rests on does not hold: it is not taken to grow further.
 const LEAST_RADIUS: f64 = 3.0;
@@ -117,7 +122,8 @@ impl Measured<'_> {
         let beam = &beams[i];
         let (far, at) = surface.meet(point, beam, side)?;
         let steep = dot(&at.normal, beam);
-        if steep.abs() < GRAZING {
+        let is_elsewhere = GRAZING * far.abs() > ELSEWHERE * surface.distance(point).abs();
+        if steep.abs() < GRAZING || is_elsewhere {
             return None;
         }
         let met = std::array::from_fn(|k| point[k] + far * beam[k]);
@@ -219,16 +225,19 @@ fn settled_in_ranges(start: &Surface, measured: &Measured, how: &Effort) -> (Sur
     let middle = mean(measured.points.iter());
     let side = measured.side(start);
     let mut surface = *start;
+    let mut last = f64::INFINITY;
     for _ in 0..how.n_steps {
         let frame = Frame::of(&surface, middle);
         let sums = measured.sums(&surface, &frame, how, side);
         let Some((change, square)) = step(&sums, start.kind.n_parameters(), 0.0) else { break };
         surface = surface.stepped(&frame, &change);
+        last = square;
         if square <= STILL {
-            return (surface, true);
+            break;
         }
     }
-    (surface, false)
+    // A beam that grazes the surface in every second step keeps it from coming to rest.
+    if last <= RESTLESS { (surface, true) } else { (*start, false) }
 }
 
 /// A surface fitted to distances, or to ranges where the beams are known, from a first one near it.
