@@ -31,6 +31,9 @@ from .solids.prism import Prism
 from .solids.solid import Solid
 from .solids.sphere import Sphere
 from .solids.torus import Torus
+from .surfaces.detection import Surfaces, detect_surfaces
+from .surfaces.fitting import fit_cone, fit_cylinder, fit_sphere, fit_torus
+from .surfaces.kinds import ConeSurface, CylinderSurface, SphereSurface, TorusSurface
 from .worlds.arena import Arena
 from .worlds.paper_setting import built_of_walls, paper_path, paper_world
 from .worlds.paths import grid_path, waypoints
@@ -44,8 +47,10 @@ __all__ = [
     "BoxFit",
     "Cloud",
     "Cone",
+    "ConeSurface",
     "Contradiction",
     "Cylinder",
+    "CylinderSurface",
     "DepthCamera",
     "Detection",
     "FoundArena",
@@ -66,7 +71,10 @@ __all__ = [
     "Sensor",
     "Solid",
     "Sphere",
+    "SphereSurface",
+    "Surfaces",
     "Torus",
+    "TorusSurface",
     "World",
     "WorldFullError",
     "as_cloud",
@@ -75,12 +83,17 @@ __all__ = [
     "dbscan",
     "detect",
     "detect_planes",
+    "detect_surfaces",
     "estimate_normals",
     "evaluate",
     "evaluate_segmentation",
     "export_webots",
     "find_polyhedra",
     "fit_box",
+    "fit_cone",
+    "fit_cylinder",
+    "fit_sphere",
+    "fit_torus",
     "grid_path",
     "paper_path",
     "paper_world",

@@ -15,10 +15,14 @@ __all__ = [
     "PoseBeams",
     "RayCaster",
     "carve",
+    "correlation_area",
     "dbscan",
+    "detect_surfaces",
+    "first_surface",
     "fit_parts",
     "fit_plane",
     "fit_plane_to_ranges",
+    "fit_surface",
     "format_rows",
     "laid_out",
     "outlines",
@@ -30,6 +34,8 @@ __all__ = [
     "sample",
     "score_planes",
     "segment_image",
+    "surface_distances",
+    "surface_normals",
     "thinned",
     "turned",
 ]
@@ -318,3 +324,34 @@ def segment_image(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]: ...
 def thinned(points: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def turned(poses: NDArray[np.float64], beams: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+def first_surface(
+    kind: str, points: NDArray[np.float64], normals: NDArray[np.float64]
+) -> list[float] | None: ...
+def fit_surface(
+    kind: str,
+    start: Sequence[float] | NDArray[np.float64],
+    points: NDArray[np.float64],
+    sigma: NDArray[np.float64],
+    beams: NDArray[np.float64] | None = None,
+    cutoff: float = float("inf"),
+    is_isotropic: bool = True,
+    n_steps: int = 60,
+    n_jobs: int | None = None,
+) -> tuple[list[float], NDArray[np.float64], float, NDArray[np.float64], bool]: ...
+def surface_distances(
+    kind: str, surface: Sequence[float] | NDArray[np.float64], points: NDArray[np.float64]
+) -> NDArray[np.float64]: ...
+def surface_normals(
+    kind: str, surface: Sequence[float] | NDArray[np.float64], points: NDArray[np.float64]
+) -> NDArray[np.float64]: ...
+def correlation_area(
+    tree: PointTree, errors: NDArray[np.float64], n_jobs: int | None = None
+) -> float: ...
+def detect_surfaces(
+    tree: PointTree,
+    sigma: NDArray[np.float64],
+    parts: NDArray[np.int64],
+    least: int,
+    n_jobs: int | None = None,
+) -> tuple[list[tuple[str, list[float]]], NDArray[np.int64]]: ...

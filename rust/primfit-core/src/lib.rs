@@ -22,6 +22,7 @@ mod rays;
 mod scoring;
 mod segmentation;
 mod spread;
+mod surfaces;
 pub mod text;
 mod workers;
 
@@ -43,6 +44,10 @@ pub use rays::{
 };
 pub use scoring::{Score, score_planes};
 pub use segmentation::{Segmentation, SegmentationSettings, segment};
+pub use surfaces::{
+    Kind, Measured, Oriented, Sight, Surface, SurfaceEffort, SurfaceFit, Surfaces,
+    correlation_area, detect_surfaces, fit_surface,
+};
 pub use workers::Workers;
 
 /// A point or a direction: x, y, z.

@@ -4,7 +4,7 @@ mod acceptance;
 mod context;
 mod continuation;
 pub(crate) mod curvature;
-mod graph;
+pub(crate) mod graph;
 mod growth;
 mod merging;
 mod noise;

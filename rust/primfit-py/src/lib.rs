@@ -18,6 +18,7 @@ mod neighbors;
 mod outlines;
 mod planes;
 mod poses;
+mod surfaces;
 mod tables;
 
 use pyo3::prelude::*;
@@ -44,6 +45,11 @@ mod _primfit {
     use crate::planes::{fit_parts, fit_plane, fit_plane_to_ranges, score_planes, segment_image};
     #[pymodule_export]
     use crate::poses::PoseBeams;
+    #[pymodule_export]
+    use crate::surfaces::{
+        correlation_area, detect_surfaces, first_surface, fit_surface, surface_distances,
+        surface_normals,
+    };
     #[pymodule_export]
     use crate::tables::{format_rows, parse_rows, ply_bytes, ply_words};
 }

@@ -21,6 +21,12 @@ type LocalPlanes<'py> = (
 #[pyclass(frozen, module = "primfit._primfit")]
 pub struct PointTree(primfit_core::PointTree);
 
+impl PointTree {
+    pub fn core(&self) -> &primfit_core::PointTree {
+        &self.0
+    }
+}
+
 #[pymethods]
 impl PointTree {
     #[new]

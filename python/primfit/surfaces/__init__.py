@@ -1,0 +1,1 @@
+"""Curved surfaces in point clouds: fits, detection."""
