@@ -26,7 +26,8 @@ pub fn stride(tree: &PointTree, settings: &Rows) -> usize {
     let reaching = doubled
         .rfind(|((_, half), (_, own))| *own >= settings.surface && *own >= settings.rise * half)
         .map(|(_, (size, _))| *size);
-    let Some(reaching) = reaching else { return 1 };
+    let is_part = |size: &usize| settings.parts * size <= tree.points().len();
+    let Some(reaching) = reaching.filter(is_part) else { return 1 };
     let rows = rows(tree, reaching, settings);
     let most = |is: fn(&Row, &Rows) -> bool| {
         2 * rows.iter().filter(|row| is(row, settings)).count() > rows.len()
@@ -91,7 +92,7 @@ fn samples<'a>(tree: &'a PointTree, settings: &Rows) -> impl Iterator<Item = &'a
 
 /// Median dimension of neighbourhoods from half to double each size.
 fn dimensions(tree: &PointTree, settings: &Rows) -> Vec<(usize, f64)> {
-    let most = settings.sizes.1.min(tree.points().len() / settings.parts);
+    let most = settings.sizes.1.min(tree.points().len() / 4);
     // Every second one is 1.5 times the one before, instead of the root of 2.
     let sizes: Vec<usize> = std::iter::successors(Some(settings.sizes.0), |size| Some(2 * size))
         .flat_map(|size| [size, size + size / 2])

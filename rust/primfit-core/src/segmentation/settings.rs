@@ -312,9 +312,9 @@ Settings {
         samples: usize = 128,
         /// The smallest neighbourhood that is looked at, the largest.
         sizes: (usize, usize) = (4, 8192),
-        /// Neighbourhoods so many times larger are the whole cloud, at least: the rows of a surface
-        /// are many, the walls of a low room are four.
-        parts: usize = 16,
+        /// A neighbourhood that reaches the next row is at most one in so many of all points: the
+        /// rows of a surface are many, the walls of a low room are four.
+        parts: usize = 32,
         /// Neighbourhood that shows a surface when it is this large and reaches the next row.
         enough: usize = 32,
         /// The same where rows are beams that were measured again and again.
