@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -88,6 +90,14 @@ class TestContract:
         beyond = vertices + 0.02 * (vertices - solid.center)
         if not isinstance(solid, primfit.Torus):
             assert not solid.contains(beyond).any()
+
+
+def test_files_are_read_by_a_process_that_made_no_solid(tmp_path):
+    world = primfit.World(SOLIDS)
+    world.save(tmp_path / "world.json")
+    code = f"import primfit; print(primfit.World.load({str(tmp_path / 'world.json')!r}))"
+    read = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert read.stdout.strip() == repr(world)
 
 
 def tilted(prism):
