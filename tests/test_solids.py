@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from small_maps import in_room, scanned
 
 import primfit
+from primfit.geometry.motions import Motion
 from primfit.solids.round import Round
 
 SOLIDS = [
@@ -288,6 +289,15 @@ class TestEvaluation:
             assert row.found == guess.kind
             np.testing.assert_allclose(np.radians(row.angle_error_deg), angle, atol=1e-5)
             np.testing.assert_allclose(row.size_error_mm, size, atol=1e-9)
+        # A map that lies turned and moved is laid back, and its round solids with it.
+        motion = Motion(0.1, np.array([0.02, -0.01]))
+        place, end = motion.of(lying.center[:2] + np.array([[0.0, 0.0], lying.axis[:2]]))
+        moved = lying.placed([*place, lying.center[2]], [*(end - place), lying.axis[2]])
+        arena = replace(found.arena, footprint=motion.of(in_room(lying).arena.outline))
+        detection = replace(found, solids=(moved,), arena=arena)
+        (row,) = primfit.evaluate(detection, in_room(lying), frame="arena").rows
+        assert row.center_error_mm < 1e-6
+        assert row.angle_error_deg < 1e-5
 
 
 def replace_axis(solid, axis):
