@@ -3,11 +3,12 @@
     python benches/rays.py                        all scenes and beams
     python benches/rays.py --scenes paper city --repeat 5 --threads 2
 
-Needs the extra `bench`. embreex offers no packets: it casts one ray after the other. Every round casts with each library in turn; a figure is the median over
-the rounds. The scene "rounds" holds round solids, which primfit casts in closed form; the others, and
-primfit itself once more, cast the meshes of 64 sides that stand for them. Open3D and Embree work in float32, so their ranges may differ by its rounding, and
-rays within rounding of an edge may differ altogether; how many do is printed, and more than one
-in a thousand makes the exit status 1.
+Needs the extra `bench`. embreex offers no packets: it casts one ray after the other. Every round
+casts with each library in turn; a figure is the median over the rounds. The scene "rounds" holds
+round solids, which primfit casts in closed form; the others, and primfit itself once more, cast the
+meshes of 64 sides that stand for them. Open3D and Embree work in float32, so their ranges may differ
+by its rounding, and rays within rounding of an edge may differ altogether; how many do is printed,
+and more than one in a thousand (of round solids, one in twenty) makes the exit status 1.
 """
 
 from __future__ import annotations
@@ -249,8 +250,9 @@ def main() -> int:
         rng = np.random.default_rng(arguments.rng)
         given, places = SCENES[scene](rng)
         mesh = given.to_mesh()[:2] if isinstance(given, primfit.World) else given
-        # A mesh of 64 sides hides and shows a little else than the solid it stands for.
-        most_differing = 1e-3 if mesh is given else 1e-2
+        # The sides of a mesh are up to 1.4 mm within the solid it stands for, and more along grazing
+        # rays: 1.8 % of the answers differ; with 256 sides it is 0.01 %, with 1024 none.
+        most_differing = 1e-3 if mesh is given else 5e-2
         extent = float(np.ptp(mesh[0], axis=0).max())
         print(f"\n{scene}, {len(mesh[1])} triangles; seconds to build (CPU, wall):")
         casters = {}

@@ -264,6 +264,8 @@ def test_same_bits_in_any_order_and_on_any_threads():
         alone = pickle.loads(pickle.dumps(caster)).cast(origins[order], ways[order], n_jobs)
         np.testing.assert_array_equal(alone[0], ranges[order])
         np.testing.assert_array_equal(alone[1], ids[order])
+    assert repr(pickle.loads(pickle.dumps(caster))) == repr(caster)
+    assert repr(caster) == "RayCaster(722 triangles, 60 round solids)"
     # Each solid by itself, the nearest of all.
     each = np.stack(
         [primfit.RayCaster(primfit.World([solid])).cast(origins, ways) for solid in world.solids]

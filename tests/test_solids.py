@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -12,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from small_maps import in_room, scanned
 
 import primfit
+from primfit.geometry.motions import Motion
 from primfit.solids.round import Round
 
 SOLIDS = [
@@ -88,6 +91,14 @@ class TestContract:
         beyond = vertices + 0.02 * (vertices - solid.center)
         if not isinstance(solid, primfit.Torus):
             assert not solid.contains(beyond).any()
+
+
+def test_files_are_read_by_a_process_that_made_no_solid(tmp_path):
+    world = primfit.World(SOLIDS)
+    world.save(tmp_path / "world.json")
+    code = f"import primfit; print(primfit.World.load({str(tmp_path / 'world.json')!r}))"
+    read = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert read.stdout.strip() == repr(world)
 
 
 def tilted(prism):
@@ -278,6 +289,15 @@ class TestEvaluation:
             assert row.found == guess.kind
             np.testing.assert_allclose(np.radians(row.angle_error_deg), angle, atol=1e-5)
             np.testing.assert_allclose(row.size_error_mm, size, atol=1e-9)
+        # A map that lies turned and moved is laid back, and its round solids with it.
+        motion = Motion(0.1, np.array([0.02, -0.01]))
+        place, end = motion.of(lying.center[:2] + np.array([[0.0, 0.0], lying.axis[:2]]))
+        moved = lying.placed([*place, lying.center[2]], [*(end - place), lying.axis[2]])
+        arena = replace(found.arena, footprint=motion.of(in_room(lying).arena.outline))
+        detection = replace(found, solids=(moved,), arena=arena)
+        (row,) = primfit.evaluate(detection, in_room(lying), frame="arena").rows
+        assert row.center_error_mm < 1e-6
+        assert row.angle_error_deg < 1e-5
 
 
 def replace_axis(solid, axis):

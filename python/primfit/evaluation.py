@@ -266,9 +266,14 @@ def _motion(found: Detection, world: World, max_distance: float) -> Motion:
 
 def _laid(found: Detection, motion: Motion) -> Detection:
     """The detection with its solids where a motion brings them."""
-    solids: list[FoundSolid | FoundPolyhedron] = []
-    for solid in found.solids:
-        if isinstance(solid, FoundPolyhedron):
+    solids: list[Any] = []
+    given: tuple[Any, ...] = found.solids
+    for solid in given:
+        if isinstance(solid, Round):
+            place, end = motion.of(solid.center[:2] + np.array([[0.0, 0.0], solid.axis[:2]]))
+            center = [*place, solid.center[2]]
+            solids.append(solid.placed(center, [*(end - place), solid.axis[2]]))
+        elif isinstance(solid, FoundPolyhedron):
             vertices = np.column_stack([motion.of(solid.vertices[:, :2]), solid.vertices[:, 2]])
             outline = solid.footprint
             footprint = None if outline is None else motion.of(outline)

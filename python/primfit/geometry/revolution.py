@@ -11,8 +11,8 @@ from primfit._check import Floats, Ints
 
 def frame_about(axis: Floats) -> Floats:
     """A right-handed frame (3, 3) by rows whose third is the unit vector `axis`."""
-    helper = np.eye(3)[0 if abs(axis[0]) < 0.9 else 1]
-    x = helper - (helper @ axis) * axis
+    k = 0 if abs(axis[0]) < 0.9 else 1
+    x = np.eye(3)[k] - axis[k] * axis
     x /= np.sqrt((x * x).sum())
     return np.stack([x, np.cross(axis, x), axis])
 

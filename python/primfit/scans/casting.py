@@ -76,6 +76,7 @@ class RayCaster:
         self._core = _primfit.RayCaster(
             np.ascontiguousarray(corners), np.ascontiguousarray(rows), names, rounds
         )
+        self._n_rounds = 0 if rounds is None else len(rounds)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _caster_of, self._core.parts()
@@ -182,7 +183,7 @@ class RayCaster:
         return _primfit.turned(rows, beams), *out[1:]
 
     def __repr__(self) -> str:
-        n_rounds = len(self._core.parts()[2])
+        n_rounds = self._n_rounds
         rounds = f", {n_rounds} round solid{'s' * (n_rounds != 1)}" if n_rounds else ""
         return f"RayCaster({len(self._core) - n_rounds} triangles{rounds})"
 
@@ -214,6 +215,7 @@ def _caster_of(corners: Floats, names: Ints | None, rounds: Floats) -> RayCaster
     caster = object.__new__(RayCaster)
     rows = np.arange(len(corners)).reshape(-1, 3)
     caster._core = _primfit.RayCaster(corners, rows, names, rounds)
+    caster._n_rounds = len(rounds)
     return caster
 
 

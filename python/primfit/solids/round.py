@@ -173,8 +173,14 @@ class Round(Solid):
 
     def moved(self, offset: ArrayLike) -> Self:
         """The solid moved by a vector (3,), metres."""
-        place = self.center + as_vector("offset", offset, 3)
-        return type(self)(**(self._values() | {"center": place}))
+        return self.placed(self.center + as_vector("offset", offset, 3), self.axis)
+
+    def placed(self, center: ArrayLike, axis: ArrayLike) -> Self:
+        """The same solid with its centre and axis elsewhere."""
+        values = self._values()
+        return type(self)(
+            **(values | {"center": center} | ({"axis": axis} if "axis" in values else {}))
+        )
 
     def _values(self) -> dict[str, Any]:
         return {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]

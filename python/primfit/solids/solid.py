@@ -143,6 +143,9 @@ class Solid(ABC):
         >>> primfit.Solid.from_dict(primfit.Sphere(0.2, (1, 1)).to_dict())
         Sphere(center=(1.0000, 1.0000, 0.2000), radius=0.2 m)
         """
+        # A class is known once its module is imported.
+        from primfit.solids import frusta, polyhedron, prism, sphere, torus  # noqa: F401
+
         values = dict(content)
         name = values.pop("type", "prism" if "footprint" in values else "polyhedron")
         if name not in Solid._of_type:

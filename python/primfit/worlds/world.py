@@ -254,9 +254,9 @@ class World(Shown):
         ----------
         file : path
             .json; .wbt of any release, with y or z up, of which solids and arena are taken: boxes,
-            cylinders and closed meshes in nodes that place them, RectangleArena, Wall, SolidBox,
-            CardboardBox and WoodenBox. The floor of the arena is at z = 0 then. What else there is,
-            as a robot, is counted in `left_out`. .xml, if `save` wrote it.
+            cylinders, spheres, cones and closed meshes in nodes that place them, RectangleArena,
+            Wall, SolidBox, CardboardBox and WoodenBox. The floor of the arena is at z = 0 then.
+            What else there is, as a robot, is counted in `left_out`. .xml, if `save` wrote it.
 
         Raises
         ------
