@@ -145,10 +145,12 @@ pub fn merged(
             if into[j] != j {
                 continue;
             }
+            let touching = touch(cloud, labels, i as i32, &own[j]);
+            let are_flat = surfaces[i].kind == Kind::Plane || surfaces[j].kind == Kind::Plane;
             let alike =
                 is_near(cloud, &surfaces[i], &own[j]) || is_near(cloud, &surfaces[j], &own[i]);
-            let are_flat = surfaces[i].kind == Kind::Plane || surfaces[j].kind == Kind::Plane;
-            if !alike || (are_flat && !touch(cloud, labels, i as i32, &own[j])) {
+            // Strips of a torus are cylinders that do not look alike.
+            if !(touching && (alike || !are_flat) || alike && !are_flat) {
                 continue;
             }
             let mut both = [own[i].as_slice(), own[j].as_slice()].concat();
