@@ -202,7 +202,9 @@ def detect_surfaces(
     >>> found.kinds, round(found.cylinders[0].radius, 3)
     (('plane', 'cylinder'), 0.2)
     """
-    wanted = [choice("kinds", kind, KINDS) for kind in ([kinds] if isinstance(kinds, str) else kinds)]
+    wanted = [
+        choice("kinds", kind, KINDS) for kind in ([kinds] if isinstance(kinds, str) else kinds)
+    ]
     if not wanted:
         raise ValueError(f"kinds must name at least one of {', '.join(KINDS)}")
     least = _LEAST if min_points is None else integer("min_points", min_points, low=10)

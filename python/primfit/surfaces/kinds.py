@@ -102,7 +102,9 @@ class FoundSurface:
         """The surface moved by a vector (3,), metres."""
         if not offset.any():
             return self
-        place = {name: getattr(self, name) + offset for name in ("center", "apex") if hasattr(self, name)}
+        place = {
+            name: getattr(self, name) + offset for name in ("center", "apex") if hasattr(self, name)
+        }
 
         def shifted(patch: Patch) -> Patch:
             return Patch(tuple(loop + offset for loop in patch.loops), patch.area)

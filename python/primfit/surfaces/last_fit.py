@@ -152,7 +152,9 @@ def last_fit(
         is_inlier[kept] = off < _INLIER * noise
     all_noise = np.full(len(kept), np.nan)
     all_noise[kept] = noise
-    return LastFit(kind, numbers, covariance, all_residuals, all_noise, is_inlier, measured, beams is not None)
+    return LastFit(
+        kind, numbers, covariance, all_residuals, all_noise, is_inlier, measured, beams is not None
+    )
 
 
 def _is_amid_others(
