@@ -88,7 +88,7 @@ class Primitive:
         return ranges
 
     def _crossings(self, start: np.ndarray, ways: np.ndarray) -> list[np.ndarray]:
-        first, second = (*self.sizes, 0.0)[:2]
+        first = self.sizes[0]
         with np.errstate(invalid="ignore", divide="ignore"):
             if self.kind == "plane":
                 return [-start[2] / ways[:, 2]]

@@ -41,7 +41,7 @@ def found(small):
 
 
 def test_each_kind_is_found_as_what_it_is(small, found):
-    points, truth = small
+    truth = small[1]
     assert sorted(found.kinds) == sorted(KINDS)
     for number, kind in enumerate(KINDS):
         label = found.kinds.index(kind)
@@ -140,6 +140,5 @@ def test_ctrl_c_ends_it():
     threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
     start = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
-        for _ in range(100):
-            primfit.detect_surfaces(points)
+        primfit.detect_surfaces(points)
     assert time.monotonic() - start < 60.0

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit import _primfit
 from primfit._check import Floats, Ints, n_jobs_or_none, number
 from primfit.clouds.foreign import PointsLike
 from primfit.geometry.extents import extent

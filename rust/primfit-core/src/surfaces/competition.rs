@@ -129,7 +129,7 @@ fn chosen(cloud: &Cloud, places: &[u32], known: &[Surface]) -> Option<(f64, Surf
 pub fn merged(
     cloud: &Cloud,
     labels: &mut [i32],
-    surfaces: &mut Vec<Surface>,
+    surfaces: &mut [Surface],
     workers: &Workers,
 ) -> Result<(), Error> {
     let mut own = members(labels, surfaces.len());
