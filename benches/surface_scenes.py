@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
@@ -88,13 +88,17 @@ class Primitive:
         return ranges
 
     def _crossings(self, start: np.ndarray, ways: np.ndarray) -> list[np.ndarray]:
-        first, second = (*self.sizes, 0.0)[:2]
+        first = self.sizes[0]
         with np.errstate(invalid="ignore", divide="ignore"):
             if self.kind == "plane":
                 return [-start[2] / ways[:, 2]]
             if self.kind == "torus":
                 return self._marched(start, ways)
-            weights = {"sphere": (1, 1, 1), "cylinder": (1, 1, 0), "cone": (1, 1, -np.tan(first) ** 2)}
+            weights = {
+                "sphere": (1, 1, 1),
+                "cylinder": (1, 1, 0),
+                "cone": (1, 1, -(np.tan(first) ** 2)),
+            }
             w = np.array(weights[self.kind], dtype=float)
             a, b = (ways**2) @ w, ways @ (w * start)
             c = start @ (w * start) - (0.0 if self.kind == "cone" else first**2)
@@ -153,8 +157,6 @@ class SurfaceScene:
     primitives: list[Primitive]
     sigma: float
     origins: np.ndarray | None = None
-    is_correlated: bool = False
-    extra: dict[str, float] = field(default_factory=dict)
 
 
 def _turn(rng: np.random.Generator) -> np.ndarray:
@@ -236,7 +238,9 @@ def flat(seed: int, n: int = 60_000) -> SurfaceScene:
     for k in range(12):
         place = np.array([1.5 * (k % 4), 1.5 * (k // 4), 0.0])
         if k < 5:
-            primitives.append(Primitive("plane", _turn(rng), place, tuple(rng.uniform(0.6, 1.0, 2))))
+            primitives.append(
+                Primitive("plane", _turn(rng), place, tuple(rng.uniform(0.6, 1.0, 2)))
+            )
             continue
         rise = sigma * (rng.uniform(0.1, 0.5) if k < 8 else rng.uniform(8.0, 20.0))
         half = 0.4
@@ -251,7 +255,9 @@ def flat(seed: int, n: int = 60_000) -> SurfaceScene:
             arc = 2.0 * half / radius
             out = np.array([np.cos(arc / 2), np.sin(arc / 2), 0.0])
             primitives.append(
-                Primitive("cylinder", turn, place - radius * turn @ out, (radius,), (-0.4, 0.4), arc)
+                Primitive(
+                    "cylinder", turn, place - radius * turn @ out, (radius,), (-0.4, 0.4), arc
+                )
             )
     scene = _spread(f"flat {seed}", primitives, n, sigma, 0.0, rng)
     for k in range(5, 8):
@@ -280,7 +286,9 @@ def rack(seed: int) -> SurfaceScene:
     rng = np.random.default_rng([4, seed])
     primitives = [
         Primitive("plane", np.eye(3), np.array([4.0, 2.0, 0.0]), (9.0, 6.0)),
-        Primitive("plane", _along(np.array([0.0, 1.0, 0.0])), np.array([4.0, 5.0, 1.5]), (3.0, 9.0)),
+        Primitive(
+            "plane", _along(np.array([0.0, 1.0, 0.0])), np.array([4.0, 5.0, 1.5]), (3.0, 9.0)
+        ),
     ]
     for k in range(8):
         radius = rng.uniform(0.025, 0.15)
@@ -300,7 +308,9 @@ def rack(seed: int) -> SurfaceScene:
             Primitive("cylinder", _along(np.array([0.0, 1.0, 0.0])), away, (radius,), (-half, half))
         )
     primitives.append(
-        Primitive("sphere", np.eye(3), np.array([4.0, 1.0, 0.0]), (rng.uniform(0.4, 0.7),), (0.0, 1.0))
+        Primitive(
+            "sphere", np.eye(3), np.array([4.0, 1.0, 0.0]), (rng.uniform(0.4, 0.7),), (0.0, 1.0)
+        )
     )
     sigma, points, truth, origins = 0.003, [], [], []
     for x, y in ((-1.0, 0.0), (2.5, -1.0), (5.5, -1.0), (9.0, 0.0)):
@@ -350,9 +360,7 @@ def table(seed: int) -> SurfaceScene:
         frame = np.column_stack([[0, 0, 1.0], np.cross(way, [0, 0, 1.0]), way])
         if size[1] == tall:
             frame = np.column_stack([np.cross([0, 0, 1.0], way), [0, 0, 1.0], way])
-        primitives.append(
-            Primitive("plane", frame, at[0] + far * way + [0, 0, tall / 2], size)
-        )
+        primitives.append(Primitive("plane", frame, at[0] + far * way + [0, 0, tall / 2], size))
     primitives.append(Primitive("plane", turn, at[0] + [0, 0, tall], (wide, deep)))
     for k in (1, 2):
         radius, height = rng.uniform([0.03, 0.1], [0.05, 0.18])
@@ -381,9 +389,9 @@ def table(seed: int) -> SurfaceScene:
     lengths = np.linalg.norm(rays, axis=1)
     ranges, hit = _cast(primitives, origin, rays / lengths[:, None])
     noise = ndimage.gaussian_filter(rng.normal(size=v.shape), 1.0).ravel()
-    depth = ranges / lengths
-    depth = depth + 0.0015 * depth**2 * noise / noise.std()
-    met = np.isfinite(depth)
+    met = np.isfinite(ranges)
+    depth = np.where(met, ranges / lengths, 0.0)
+    depth += 0.0015 * depth**2 * noise / noise.std()
     return SurfaceScene(
         f"table {seed}",
         origin + depth[met, None] * rays[met],
@@ -391,7 +399,6 @@ def table(seed: int) -> SurfaceScene:
         primitives,
         float(0.0015 * np.median(depth[met]) ** 2),
         np.broadcast_to(origin, (met.sum(), 3)),
-        is_correlated=True,
     )
 
 

@@ -1,10 +1,12 @@
 """How well surfaces are found: kinds, partition, parameters, time, beside peers.
 
-    python benches/surfaces.py --scenes mixed rack --seeds 1 2 3 [--peers] [--origins]
+    python benches/surfaces.py --scenes mixed rack --seeds 1 2 3 [--each]
+    python benches/surfaces.py --single
 
 A primitive with at least 100 points counts. It is found at an intersection over union of 0.5 or 0.8
 with the points of some surface; a surface is right at 0.5. Errors of radii, and of half angles of
-cones, are over their own standard deviations.
+cones, are over their own standard deviations. ``--single`` fits single primitives beside pyransac3d,
+where that is installed.
 """
 
 from __future__ import annotations
@@ -52,18 +54,28 @@ METHODS: dict[str, Callable[[SurfaceScene], Found]] = {
 }
 
 
-def cgal(scene: SurfaceScene) -> Found:
-    """CGAL's efficient RANSAC, told sigma: 2 sigma, 3 spacings, cosine 0.8, 100 points."""
-    from CGAL.CGAL_Point_set_3 import Point_set_3
-    from CGAL.CGAL_Point_set_processing_3 import jet_estimate_normals
-    from CGAL.CGAL_Shape_detection import efficient_RANSAC
-
-    points = Point_set_3()
-    for x, y, z in scene.points.tolist():
-        points.insert(x, y, z)
-    jet_estimate_normals(points, 16)
-    spacing = primfit.planes.surfaces  # noqa: F841
-    raise NotImplementedError(efficient_RANSAC)
+def single_fits(scene: SurfaceScene) -> None:
+    """Radii of spheres and cylinders, given their points with 30 % outliers, beside pyransac3d's."""
+    try:
+        import pyransac3d
+    except ModuleNotFoundError:
+        print("pyransac3d is missing: no single fits beside it")
+        return
+    rng = np.random.default_rng(0)
+    for kind, peer in (("sphere", pyransac3d.Sphere), ("cylinder", pyransac3d.Cylinder)):
+        errors = []
+        for i, primitive in enumerate(scene.primitives):
+            if primitive.kind != kind:
+                continue
+            own = scene.points[scene.truth == i][::8]
+            low, high = own.min(axis=0) - 0.1, own.max(axis=0) + 0.1
+            cloud = np.vstack([own, rng.uniform(low, high, (len(own) * 3 // 7, 3))])
+            fit = getattr(primfit, f"fit_{kind}")(cloud, outliers=0.3)
+            theirs = peer().fit(cloud, thresh=3.0 * scene.sigma, maxIteration=1000)
+            radius = theirs[1] if kind == "sphere" else theirs[2]
+            errors.append([abs(fit.radius - primitive.sizes[0]), abs(radius - primitive.sizes[0])])
+        ours_mm, theirs_mm = 1000.0 * np.median(errors, axis=0)
+        print(f"radius of a {kind}, median error: {ours_mm:.2f} mm, pyransac3d {theirs_mm:.2f} mm")
 
 
 def judged(scene: SurfaceScene, found: Found) -> dict[str, list[float]]:
@@ -104,9 +116,13 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="+", default=list(SCENES), choices=list(SCENES))
     parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
     parser.add_argument("--methods", nargs="+", default=["detect_surfaces"])
+    parser.add_argument("--single", action="store_true", help="fits of single primitives")
     parser.add_argument("--each", action="store_true", help="print each scene too")
     args = parser.parse_args()
-    print_versions("pyransac3d", "cylfit", "cgal")
+    print_versions("pyransac3d")
+    if args.single:
+        single_fits(SCENES["mixed"](args.seeds[0]))
+        return
     print("scene      method           R.5   R.8   kind  P     CPU s  z mean/rms")
     for name in args.scenes:
         for method in args.methods:

@@ -1,8 +1,8 @@
 """Surfaces rolled out into the plane, so that they have outlines and areas.
 
-Each chart keeps areas: a cylinder and a cone are rolled out, a sphere is mapped by Lambert's azimuthal
-equal-area projection (1772) about the mean direction of its points, a torus by its angle and the area
-of the belt up to a place around its tube.
+Each chart keeps areas: a cylinder and a cone are rolled out, a sphere is mapped by Lambert's
+azimuthal equal-area projection (1772) about the mean direction of its points, a torus by its angle
+and the area of the belt up to a place around its tube.
 """
 
 from __future__ import annotations

@@ -34,8 +34,7 @@ from primfit.surfaces.last_fit import Measured, last_fit
 KINDS = ("plane", "sphere", "cylinder", "cone", "torus")
 
 _LEAST = 50
-"""Fewest points of a surface: a torus has 7 parameters, and a strip of 30 points is told from none by
-chance (see docs/surfaces.md)."""
+"""Fewest points of a surface: seven for each parameter of a torus."""
 
 _TELLS_ROUGHNESS = 150
 """Points of a flat part that tells how rough surfaces are."""
@@ -159,8 +158,8 @@ def detect_surfaces(
     points : Scan, or (n, 3) or (h, w, 3) float64, metres, or whatever `as_cloud` takes
         Rows without a point get label -1.
     origins : (n, 3), (3,) or None, metres
-        Where the sensor was: surfaces are fitted to the ranges, and tell whether they were seen from
-        outside.
+        Where the sensor was: surfaces are fitted to the ranges, and tell whether they were seen
+        from outside.
     sigma : float, (n,) or None, metres
         Standard deviation of the noise; None is estimated around each point.
     rng : None, int or numpy.random.Generator
@@ -202,7 +201,9 @@ def detect_surfaces(
     >>> found.kinds, round(found.cylinders[0].radius, 3)
     (('plane', 'cylinder'), 0.2)
     """
-    wanted = [choice("kinds", kind, KINDS) for kind in ([kinds] if isinstance(kinds, str) else kinds)]
+    wanted = [
+        choice("kinds", kind, KINDS) for kind in ([kinds] if isinstance(kinds, str) else kinds)
+    ]
     if not wanted:
         raise ValueError(f"kinds must name at least one of {', '.join(KINDS)}")
     least = _LEAST if min_points is None else integer("min_points", min_points, low=10)

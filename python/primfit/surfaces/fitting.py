@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from primfit import _primfit
 from primfit._check import Floats, Ints, n_jobs_or_none, number
 from primfit.clouds.foreign import PointsLike
 from primfit.geometry.extents import extent
@@ -37,6 +36,7 @@ surface from a simpler one: twice that is more than 12 by chance in one of two t
 
 _EXACT = 1e-9
 """Root mean square distance, as a share of the extent, that is rounding."""
+
 
 def fit_sphere(
     points: Scan | PointsLike,
@@ -245,9 +245,7 @@ def _measured(kind: str, scan: Scan, sigma: Any) -> tuple[Ints, Measured]:
     return rows, Measured(points, noise, beams, size)
 
 
-def _refuse_simpler(
-    kind: str, fit: LastFit | None, measured: Measured, n_jobs: int | None
-) -> None:
+def _refuse_simpler(kind: str, fit: LastFit | None, measured: Measured, n_jobs: int | None) -> None:
     """Refuse points that tell no surface of a kind, or a limit of it, such as a plane, as well."""
     if fit is not None:
         measured = measured.among(fit.is_inlier)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class FoundSurface:
     def boundary(self) -> tuple[Floats, ...]:
         """Border of the part of the surface that has points: loops of corners (k, 3) on it, metres.
 
-        The outline comes first, then holes. What closes in itself is cut where its points are fewest.
+        The outline comes first, then holes. What is closed is cut where it has fewest points.
         """
         return self.patch.loops
 
@@ -98,11 +98,13 @@ class FoundSurface:
         """Unit normals (n, 3) at the feet of points (n, 3), away from axis or centre."""
         raise NotImplementedError
 
-    def moved(self, offset: Floats) -> FoundSurface:
+    def moved(self, offset: Floats) -> Self:
         """The surface moved by a vector (3,), metres."""
         if not offset.any():
             return self
-        place = {name: getattr(self, name) + offset for name in ("center", "apex") if hasattr(self, name)}
+        place = {
+            name: getattr(self, name) + offset for name in ("center", "apex") if hasattr(self, name)
+        }
 
         def shifted(patch: Patch) -> Patch:
             return Patch(tuple(loop + offset for loop in patch.loops), patch.area)
@@ -137,17 +139,20 @@ class SphereSurface(FoundSurface):
     radius: float
 
     kind = "sphere"
-    _sigmas = {"center": slice(0, 3), "radius": slice(3, 4)}
+    _sigmas: ClassVar[dict[str, slice]] = {"center": slice(0, 3), "radius": slice(3, 4)}
 
     @property
     def parameters(self) -> Floats:
+        """What `covariance` is of (p,)."""
         return np.append(self.center, self.radius)
 
     def distances(self, points: Floats) -> Floats:
+        """Signed distances (n,) of points (n, 3), metres, positive away from axis or centre."""
         distances: Floats = lengths_of(points - self.center) - self.radius
         return distances
 
     def normals(self, points: Floats) -> Floats:
+        """Unit normals (n, 3) at the feet of points (n, 3), away from axis or centre."""
         away = points - self.center
         normals: Floats = away / lengths_of(away)[:, None]
         return normals
@@ -183,9 +188,11 @@ class _Round(FoundSurface):
         return distance, out[:, None] * radial + up[:, None] * self.axis
 
     def distances(self, points: Floats) -> Floats:
+        """Signed distances (n,) of points (n, 3), metres, positive away from axis or centre."""
         return self._sights(points)[0]
 
     def normals(self, points: Floats) -> Floats:
+        """Unit normals (n, 3) at the feet of points (n, 3), away from axis or centre."""
         return self._sights(points)[1]
 
 
@@ -215,10 +222,15 @@ class CylinderSurface(_Round):
     arc: float
 
     kind = "cylinder"
-    _sigmas = {"center": slice(0, 3), "axis": slice(3, 6), "radius": slice(6, 7)}
+    _sigmas: ClassVar[dict[str, slice]] = {
+        "center": slice(0, 3),
+        "axis": slice(3, 6),
+        "radius": slice(6, 7),
+    }
 
     @property
     def parameters(self) -> Floats:
+        """What `covariance` is of (p,)."""
         return np.concatenate([self.center, self.axis, [self.radius]])
 
     @property
@@ -269,10 +281,15 @@ class ConeSurface(_Round):
     arc: float
 
     kind = "cone"
-    _sigmas = {"apex": slice(0, 3), "axis": slice(3, 6), "angle": slice(6, 7)}
+    _sigmas: ClassVar[dict[str, slice]] = {
+        "apex": slice(0, 3),
+        "axis": slice(3, 6),
+        "angle": slice(6, 7),
+    }
 
     @property
     def parameters(self) -> Floats:
+        """What `covariance` is of (p,)."""
         return np.concatenate([self.apex, self.axis, [self.angle]])
 
     @property
@@ -332,7 +349,7 @@ class TorusSurface(_Round):
     arc: float
 
     kind = "torus"
-    _sigmas = {
+    _sigmas: ClassVar[dict[str, slice]] = {
         "center": slice(0, 3),
         "axis": slice(3, 6),
         "major_radius": slice(6, 7),
@@ -341,6 +358,7 @@ class TorusSurface(_Round):
 
     @property
     def parameters(self) -> Floats:
+        """What `covariance` is of (p,)."""
         return np.concatenate([self.center, self.axis, [self.major_radius, self.radius]])
 
     @property

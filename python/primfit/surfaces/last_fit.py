@@ -12,8 +12,8 @@ from primfit._check import Bools, Floats, Ints
 from primfit.surfaces.kinds import N_PARAMETERS, surface_of
 
 _CUTOFF = 4.685
-"""Standard deviations from which a point does not count where there may be outliers: the biweight is
-then 95 % as efficient as least squares for normal noise (Beaton, Tukey 1974)."""
+"""Standard deviations from which a point does not count where there may be outliers: the biweight
+is then 95 % as efficient as least squares for normal noise (Beaton, Tukey 1974)."""
 
 _INLIER = 3.0
 """Standard deviations within which a point counts as an inlier."""
@@ -129,10 +129,10 @@ def last_fit(
     if measured.beams is not None:
         beams = some.beams
     for _ in range(_ROUNDS):
-        numbers, covariance, variance, residuals, _ = _primfit.fit_surface(
+        fitted, covariance, variance, residuals, _ = _primfit.fit_surface(
             kind, numbers, some.points, noise, beams, cutoff, beams is None, _STEPS, n_jobs
         )
-        numbers = np.array(numbers)
+        numbers = np.array(fitted)
         if beams is not None and np.isfinite(residuals).mean() < _ENOUGH:
             beams, numbers = None, start
             continue
@@ -152,7 +152,9 @@ def last_fit(
         is_inlier[kept] = off < _INLIER * noise
     all_noise = np.full(len(kept), np.nan)
     all_noise[kept] = noise
-    return LastFit(kind, numbers, covariance, all_residuals, all_noise, is_inlier, measured, beams is not None)
+    return LastFit(
+        kind, numbers, covariance, all_residuals, all_noise, is_inlier, measured, beams is not None
+    )
 
 
 def _is_amid_others(

@@ -31,9 +31,7 @@ _TRIED = 4
 _STEPS = 60
 
 
-def first_fits(
-    kind: str, measured: Measured, outliers: float, n_jobs: int | None
-) -> list[Floats]:
+def first_fits(kind: str, measured: Measured, outliers: float, n_jobs: int | None) -> list[Floats]:
     """Surfaces (8,) fitted to some of the points, the best first; none where normals tell none."""
     n = len(measured.points)
     stride = -(-n // _SOME)
@@ -80,9 +78,7 @@ def scale_of(kind: str, numbers: Floats, measured: Measured, outliers: float = 0
     return float(np.quantile(distances, 0.9 * (1.0 - outliers))) / 1.645
 
 
-def _starts(
-    kind: str, points: Floats, outliers: float, n_jobs: int | None
-) -> Iterator[Floats]:
+def _starts(kind: str, points: Floats, outliers: float, n_jobs: int | None) -> Iterator[Floats]:
     tree = _primfit.PointTree(points, n_jobs)
     n = len(points)
     normals = [tree.normals(k, n_jobs) for k in _NEIGHBORS if k < n] or [tree.normals(n, n_jobs)]
@@ -97,7 +93,9 @@ def _starts(
         # Across each of their own axes points may be as of a body about it.
         groups += [(points, normal) for normal in _about_axes(points)]
     for some, normal in groups:
-        start = _primfit.first_surface(kind, np.ascontiguousarray(some), np.ascontiguousarray(normal))
+        start = _primfit.first_surface(
+            kind, np.ascontiguousarray(some), np.ascontiguousarray(normal)
+        )
         if start is not None:
             yield np.array(start)
 

@@ -129,7 +129,7 @@ fn chosen(cloud: &Cloud, places: &[u32], known: &[Surface]) -> Option<(f64, Surf
 pub fn merged(
     cloud: &Cloud,
     labels: &mut [i32],
-    surfaces: &mut Vec<Surface>,
+    surfaces: &mut [Surface],
     workers: &Workers,
 ) -> Result<(), Error> {
     let mut own = members(labels, surfaces.len());
@@ -145,10 +145,12 @@ pub fn merged(
             if into[j] != j {
                 continue;
             }
+            let touching = touch(cloud, labels, i as i32, &own[j]);
+            let are_flat = surfaces[i].kind == Kind::Plane || surfaces[j].kind == Kind::Plane;
             let alike =
                 is_near(cloud, &surfaces[i], &own[j]) || is_near(cloud, &surfaces[j], &own[i]);
-            let are_flat = surfaces[i].kind == Kind::Plane || surfaces[j].kind == Kind::Plane;
-            if !alike || (are_flat && !touch(cloud, labels, i as i32, &own[j])) {
+            // Strips of a torus are cylinders that do not look alike.
+            if !(touching && (alike || !are_flat) || alike && !are_flat) {
                 continue;
             }
             let mut both = [own[i].as_slice(), own[j].as_slice()].concat();

@@ -22,8 +22,8 @@ const FREE: f64 = 0.5;
 /// Share of a flat part that must be free for it to become a plane as it is.
 const FREE_PART: f64 = 0.7;
 /// Rounds of merging, competition and refits, and sweeps of competition in each.
-const ROUNDS: usize = 2;
-const SWEEPS: usize = 3;
+const ROUNDS: usize = 3;
+const SWEEPS: usize = 6;
 /// Bytes of a point that the search takes.
 const BYTES: usize = 480;
 

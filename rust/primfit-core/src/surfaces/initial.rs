@@ -27,9 +27,53 @@ impl Oriented<'_> {
             Kind::Sphere => self.sphere(),
             Kind::Cylinder => self.cylinder(),
             Kind::Cone => self.cone(),
-            Kind::Torus => self.torus(),
+            Kind::Torus => self.nearer(self.torus(), self.bend()),
         }?;
         found.is_sound(f64::INFINITY).then_some(found)
+    }
+
+    /// The one of two that the points are nearer to, if it is sound.
+    fn nearer(&self, first: Option<Surface>, second: Option<Surface>) -> Option<Surface> {
+        let off = |surface: &Surface| {
+            self.points.iter().map(|point| surface.distance(point).abs()).sum::<f64>()
+        };
+        [first, second]
+            .into_iter()
+            .flatten()
+            .filter(|surface| surface.is_sound(f64::INFINITY))
+            .min_by(|a, b| off(a).total_cmp(&off(b)))
+    }
+
+    /// The torus of a bend of a pipe, of which little more than a quarter may be there: the cylinders
+    /// of both halves along the pipe are tangent to its circle.
+    fn bend(&self) -> Option<Surface> {
+        let whole = self.cylinder()?;
+        let middle = mean(self.points.iter());
+        let is_low = |point: &Vector| dot(&minus(point, &middle), &whole.axis) < 0.0;
+        let half = |low: bool| {
+            let some = self.pairs().filter(|(point, _)| is_low(point) == low);
+            let (points, normals): (Vec<Vector>, Vec<Vector>) = some.map(|(p, n)| (*p, *n)).unzip();
+            if points.len() < Kind::Cylinder.least_points() {
+                return None;
+            }
+            let one = Oriented { points: &points, normals: &normals }.cylinder()?;
+            let up = dot(&minus(&mean(points.iter()), &one.place), &one.axis);
+            let axis =
+                if dot(&one.axis, &whole.axis) < 0.0 { one.axis.map(|x| -x) } else { one.axis };
+            Some((along(&one.place, &one.axis, up), axis, one.sizes[0]))
+        };
+        let ((first, start, near), (second, end, far)) = (half(true)?, half(false)?);
+        let turn = cross(&start, &end);
+        let sine = dot(&turn, &turn).sqrt();
+        let axis = unit(&turn);
+        let chord = minus(&second, &first);
+        // Half of the angle between the tangents by its sine: they turn by less than a right angle.
+        let half_sine = (0.5 * (1.0 - (1.0 - sine * sine).max(0.0).sqrt())).sqrt();
+        let ring = 0.5 * dot(&chord, &chord).sqrt() / half_sine;
+        let inward = cross(&axis, &start);
+        let place = along(&first, &inward, ring);
+        let sizes = [ring, 0.5 * (near + far)];
+        Some(Surface { kind: Kind::Torus, place, axis, sizes })
     }
 
     fn pairs(&self) -> impl Iterator<Item = (&Vector, &Vector)> {

@@ -152,8 +152,8 @@ impl Measured<'_> {
                 for a in 0..k {
                     let weighted = weight * slopes[a];
                     sums.right[a] += weighted * u;
-                    for b in 0..=a {
-                        sums.matrix[(a, b)] += weighted * slopes[b];
+                    for (b, slope) in slopes.iter().enumerate().take(a + 1) {
+                        sums.matrix[(a, b)] += weighted * slope;
                     }
                 }
             }
