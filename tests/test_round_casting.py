@@ -114,18 +114,17 @@ def slow(solid, origins, ways):
     return way(solid, origins.astype(EXACT), ways.astype(EXACT)).astype(float)
 
 
-def caster_of(*solids, arena=None):
-    """Of solids without the floor's triangles in the way: far below."""
-    lowest = min(solid.bounds[0][2] for solid in solids)
-    lifted = [solid.moved([0, 0, 1000.0 - lowest]) for solid in solids]
-    return primfit.RayCaster(primfit.World(lifted, arena)), lifted
+def caster_of(solid, lift=1000.0):
+    """Of a solid so high above the floor that this is in no beam's way, and the solid there."""
+    lifted = solid.moved([0, 0, lift - solid.bounds[0][2]])
+    return primfit.RayCaster(primfit.World([lifted])), lifted
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(6))
 def test_ranges_are_those_of_the_closed_form(kind, seed):
     rng = np.random.default_rng(seed)
-    caster, (solid,) = caster_of(solid_of(kind, rng))
+    caster, solid = caster_of(solid_of(kind, rng))
     origins, ways = beams_at(solid, rng, 60 if kind == "torus" else 20_000)
     ranges, ids = caster.cast(origins, ways)
     is_met = ids == 0
@@ -135,11 +134,11 @@ def test_ranges_are_those_of_the_closed_form(kind, seed):
     assert np.abs(ranges[is_met] - expected[is_met]).max() < 1e-9
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(kind=st.sampled_from(KINDS), seed=st.integers(0, 2**32 - 1), far=st.sampled_from([1, 1e3]))
 def test_ranges_end_on_the_surface(kind, seed, far):
     rng = np.random.default_rng(seed)
-    caster, (solid,) = caster_of(solid_of(kind, rng))
+    caster, solid = caster_of(solid_of(kind, rng))
     _, ways = beams_at(solid, rng, 500)
     origins = solid.center + 0.5 * rng.normal(size=(500, 3)) - far * ways
     ranges, ids = caster.cast(origins, ways)
@@ -156,7 +155,7 @@ def rims(solid, rng, n):
     return solid.center + height[:, None] * solid.axis + radius[:, None] * out
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     kind=st.sampled_from(["cylinder", "cone", "frustum"]),
     seed=st.integers(0, 2**32 - 1),
@@ -168,7 +167,7 @@ def test_no_beam_aimed_at_a_rim_leaks(kind, seed, scale):
     values = solid.to_dict() | {"height": solid.height * scale, "radius": solid.radius * scale}
     if kind == "frustum":
         values["top_radius"] = solid.top_radius * scale
-    caster, (solid,) = caster_of(primfit.Solid.from_dict(values))
+    caster, solid = caster_of(primfit.Solid.from_dict(values), 1000.0 * scale)
     targets = rims(solid, rng, 2000)
     low, high = solid.circles[0][0], solid.circles[1][0]
     within = solid.center + rng.uniform(0.99 * low, 0.9 * high, (2000, 1)) * solid.axis
@@ -176,15 +175,15 @@ def test_no_beam_aimed_at_a_rim_leaks(kind, seed, scale):
     lengths = np.linalg.norm(ways, axis=1)
     ranges, ids = caster.cast(within, ways)
     assert (ids == 0).all()
-    # Places are rounded to 1e-13 m so far up, which grazing a side multiplies.
-    np.testing.assert_allclose(ranges, lengths, rtol=1e-10, atol=1e-9)
+    # Grazing a side multiplies the rounding of places.
+    np.testing.assert_allclose(ranges, lengths, rtol=1e-8, atol=1e-11)
     # From outside, towards a point behind the rim by a billionth: in through the cap or the side.
     inner = targets + 1e-9 * (solid.center - targets)
     sides = rng.normal(size=(2000, 3))
     origins = inner + 8.0 * scale * sides / np.linalg.norm(sides, axis=1, keepdims=True)
     ranges, ids = caster.cast(origins, inner - origins)
     assert (ids == 0).all()
-    assert (ranges <= np.linalg.norm(inner - origins, axis=1) * (1 + 1e-12)).all()
+    assert (ranges <= np.linalg.norm(inner - origins, axis=1) + 1e-9 * scale).all()
 
 
 def test_no_beam_leaves_a_room_with_round_solids():
