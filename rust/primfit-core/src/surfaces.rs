@@ -3,6 +3,7 @@
 mod beams;
 mod cloud;
 mod competition;
+mod contrast;
 mod correlation;
 mod detection;
 mod growing;

@@ -2,6 +2,7 @@
 
 use super::cloud::{Cloud, square};
 use super::competition::{compete, members, merged, numbered, refitted};
+use super::contrast::are_clear;
 use super::growing::{Flood, Grown, NOBODY, best_of};
 use super::hypotheses::{EXPLAINED, Seed, hypotheses, smooth_hypotheses};
 use super::surface::{Kind, Surface};
@@ -84,6 +85,11 @@ pub fn detect(
         workers.check()?;
     }
     labels = compete(&cloud, &labels, &surfaces, workers)?;
+    let own = members(&labels, surfaces.len());
+    let clear = are_clear(tree, &cloud, &own, &surfaces, workers)?;
+    for label in labels.iter_mut().filter(|label| **label != NOBODY && !clear[**label as usize]) {
+        *label = NOBODY;
+    }
     let surfaces = numbered(&mut labels, &surfaces, least);
     Ok(Surfaces { surfaces, labels })
 }
