@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from primfit import _primfit
 from primfit._check import Floats, integer, n_jobs_or_none
 from primfit.clouds.foreign import PointsLike, points_of
-from primfit.scans.scan import one_or_each
+from primfit.scans.columns import one_or_each
 
 
 def estimate_normals(

@@ -34,7 +34,8 @@ from primfit.likelihood.settings import LikelihoodSettings
 from primfit.likelihood.space_carving import carve, with_room
 from primfit.likelihood.tracks import SHARED, Track
 from primfit.results import Detection
-from primfit.scans.scan import Scan, as_sigma
+from primfit.scans.columns import as_sigma
+from primfit.scans.scan import Scan
 
 
 def detect_likelihood(

@@ -35,7 +35,8 @@ from primfit.planes.scan_planes import (
     peel_with_progress,
 )
 from primfit.results import Detection, FoundArena, FoundSolid
-from primfit.scans.scan import Scan, as_sigma
+from primfit.scans.columns import as_sigma
+from primfit.scans.scan import Scan
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,8 +22,9 @@ from primfit.planes.plane import Plane, Planes
 from primfit.planes.ransac import Orientation
 from primfit.planes.scan_planes import SIGMAS, Progress, check_enough
 from primfit.planes.search import Search
+from primfit.scans.columns import as_sigma
 from primfit.scans.recorded import as_scan
-from primfit.scans.scan import Scan, as_sigma
+from primfit.scans.scan import Scan
 
 
 def detect_planes(

@@ -33,8 +33,9 @@ from primfit.planes.ransac import Orientation
 from primfit.planes.scan_planes import SIGMAS, Progress, check_enough
 from primfit.planes.surfaces import flat_parts
 from primfit.planes.tile_store import InFiles, InMemory, Tile, TileStore, with_halo
+from primfit.scans.columns import as_sigma
 from primfit.scans.recorded import as_scan
-from primfit.scans.scan import Scan, as_sigma
+from primfit.scans.scan import Scan
 
 _PATCHES = 9
 """Patches that tell the noise and the spacing: the median of as many is robust to four odd ones."""

@@ -17,7 +17,6 @@ from primfit._check import (
     Ints,
     as_column,
     as_rows,
-    check_finite,
     check_within,
     number,
 )
@@ -27,6 +26,7 @@ from primfit.clouds.foreign import PointsLike, borrowed
 from primfit.geometry.extents import half_extent, is_amid
 from primfit.scans.archives import load_arrays, save_arrays
 from primfit.scans.casting import unit_rows
+from primfit.scans.columns import as_sigma, indices, one_or_each, path_of, range_limits
 from primfit.viewing.shown import Shown
 
 if TYPE_CHECKING:
@@ -188,20 +188,20 @@ class Scan(Shown):
         points = np.full((n, 3), np.nan)
         points[is_return] = starts[is_return] + lengths[is_return, None] * unit[is_return]
         nearest, farthest = range_limits(min_range, max_range, n)
-        poses = _indices("pose_index", pose_index, n)
+        poses = indices("pose_index", pose_index, n)
         return cls(
             points=points,
             origins=starts,
             directions=unit,
             ranges=lengths,
-            layer=_indices("layer", layer, n),
-            column=_indices("column", column, n),
+            layer=indices("layer", layer, n),
+            column=indices("column", column, n),
             pose_index=poses,
-            solid_index=_indices("solid_index", solid_index, n),
+            solid_index=indices("solid_index", solid_index, n),
             sigma=as_sigma(sigma, n),
             min_range=nearest,
             max_range=farthest,
-            path=None if path is None else _path_of(path, poses),
+            path=None if path is None else path_of(path, poses),
         )
 
     @classmethod
@@ -499,81 +499,3 @@ def _places(shape: tuple[int, int] | None) -> dict[str, Any]:
         "layer": lambda: np.repeat(np.arange(height), width),
         "column": lambda: np.tile(np.arange(width), height),
     }
-
-
-def one_or_each(name: str, values: ArrayLike, n: int) -> Floats:
-    """One place for all, or one each, as rows (n, 3)."""
-    array = np.asarray(values)
-    if array.shape == (3,):
-        array = np.broadcast_to(array, (n, 3))
-    rows = as_rows(name, array, 3)
-    if len(rows) != n:
-        raise ValueError(f"{name} must have shape ({n}, 3) or (3,), not {rows.shape}")
-    return rows
-
-
-def range_limits(
-    min_range: ArrayLike | None, max_range: ArrayLike | None, n: int
-) -> tuple[float | Floats | None, float | Floats | None]:
-    """Checked range limits of a sensor or of each of its beams, metres."""
-    nearest = None if min_range is None else _limit("min_range", min_range, n, low=0.0)
-    farthest = None if max_range is None else _limit("max_range", max_range, n, above=0.0)
-    if nearest is None or farthest is None:
-        return nearest, farthest
-    if isinstance(nearest, float) and isinstance(farthest, float):
-        if nearest >= farthest:
-            raise ValueError(
-                f"min_range must be less than max_range={farthest:g}, not {min_range!r}"
-            )
-    elif (is_none := np.broadcast_to(nearest >= farthest, n)).any():
-        raise ValueError(
-            f"min_range must be less than max_range, but row {int(np.argmax(is_none))} is not"
-        )
-    return nearest, farthest
-
-
-def _limit(name: str, value: ArrayLike, n: int, **bounds: float) -> float | Floats:
-    if np.ndim(value) == 0:
-        return number(name, value, **bounds)
-    column = np.array(as_column(name, value, n))
-    check_finite(name, column)
-    if n:
-        number(f"{name}, the least of its rows,", column.min(), **bounds)
-    return column
-
-
-def as_sigma(sigma: ArrayLike | None, n: int) -> float | Floats | None:
-    """``sigma`` as None, a number or a column (n,) of numbers, none of them negative."""
-    if sigma is None:
-        return None
-    if np.ndim(sigma) == 0:
-        return number("sigma", sigma, low=0.0)
-    column = as_column("sigma", sigma, n)
-    check_finite("sigma", column)
-    if (column < 0.0).any():
-        raise ValueError(f"sigma must be at least 0, but row {int(np.argmin(column))} is not")
-    return np.array(column)
-
-
-def _path_of(path: ArrayLike, pose_index: Ints | None) -> Floats:
-    """Checked poses (p, 3) to which all of `pose_index` refer."""
-    poses = np.array(as_rows("path", path, 3))
-    if pose_index is None:
-        raise ValueError("path needs pose_index, which says from which pose each beam was taken")
-    if len(pose_index) and not (pose_index.min() >= 0 and pose_index.max() < len(poses)):
-        raise ValueError(
-            f"pose_index must be rows of path, from 0 to {len(poses) - 1}, not "
-            f"{pose_index.min()} to {pose_index.max()}"
-        )
-    return poses
-
-
-def _indices(name: str, values: ArrayLike | None, n: int) -> Ints | None:
-    if values is None:
-        return None
-    array = np.asarray(values)
-    if array.shape != (n,):
-        raise ValueError(f"{name} must have shape ({n},), not {array.shape}")
-    if array.dtype.kind not in "iu":
-        raise TypeError(f"{name} must be integers, not {array.dtype}")
-    return array.astype(np.int64)

@@ -20,8 +20,9 @@ from primfit.planes.plane import Plane
 from primfit.planes.ransac import Orientation
 from primfit.planes.scan_planes import SIGMAS, check_enough
 from primfit.planes.surfaces import FlatParts, flat_parts
+from primfit.scans.columns import as_sigma
 from primfit.scans.recorded import as_scan
-from primfit.scans.scan import Scan, as_sigma
+from primfit.scans.scan import Scan
 from primfit.surfaces.kinds import (
     ConeSurface,
     CurvedSurface,

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from primfit._check import Floats, Ints, n_jobs_or_none, number
 from primfit.clouds.foreign import PointsLike
 from primfit.geometry.extents import extent
+from primfit.scans.columns import as_sigma
 from primfit.scans.recorded import as_scan
-from primfit.scans.scan import Scan, as_sigma
+from primfit.scans.scan import Scan
 from primfit.surfaces.kinds import (
     N_PARAMETERS,
     ConeSurface,
