@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 import primfit
+from primfit import _primfit
+from primfit.planes.surfaces import flat_parts
 
 # At the end: some benches are called as libraries are.
 sys.path.append(str(Path(__file__).parents[1] / "benches"))
 from judging import judge, tells_of_motion
+from plane_settings import held_out
 from scenes import SCENES, moved, one_sided, reference, room
 from settings_tree import changed, name_of, numbers, scaled
 
@@ -193,3 +196,21 @@ def test_whole_numbers_stay_whole():
     assert [scaled(value, 0.5) for value in (1, 3, 7, 0)] == [1, 2, 4, 0]
     assert scaled((2, 5.0), 0.5) == (1, 2.5)
     assert isinstance(scaled(3, 2.0), int)
+
+
+def test_held_out_groups_are_judged_by_what_is_best_on_the_others():
+    usual, halved, doubled = [0.5, 0.5, 0.5], [0.5, 0.5, 0.8], [0.6, 0.6, 0.1]
+    best, gains = held_out(np.array([usual, halved, doubled]), [0.5, 2.0])
+    assert best == [0.5, 0.5, 2.0]
+    np.testing.assert_allclose(gains, [0.0, 0.0, -0.4])
+
+
+def test_settings_of_the_search_change_by_name():
+    names = [name for name, _ in _primfit.segmentation_settings()]
+    assert len(set(names)) == len(names) > 60
+    rng = np.random.default_rng(7)
+    points = rng.uniform(size=(2000, 3)) * [1, 1, 0] + rng.normal(scale=0.002, size=(2000, 3))
+    assert (flat_parts(points).labels == 0).mean() > 0.95
+    assert (flat_parts(points, factors=[("acceptance.evidence", 1e6)]).labels == -1).all()
+    with pytest.raises(ValueError, match="growth"):
+        flat_parts(points, factors=[("growth.none", 2.0)])

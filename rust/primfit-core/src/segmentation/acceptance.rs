@@ -249,9 +249,7 @@ impl Usual {
             .iter()
             .enumerate()
             .map(|(k, plane)| (plane, members.get(k).len() as f64))
-            .filter(|((spread, sigma), count)| {
-                *count >= settings.telling && spread.variances[1] > settings.clear * sigma * sigma
-            })
+            .filter(|((spread, sigma), _)| spread.variances[1] > settings.clear * sigma * sigma)
             .map(|((_, sigma), count)| (sigma.ln(), count))
             .collect();
         if telling.is_empty() {

@@ -3,7 +3,7 @@
 //!
 //! Two numbers in brackets are the least and the most, unless they are told apart. "Chosen" is a
 //! number without a derivation: within a factor of two either way little changes, as the table in
-//! docs/planes.md shows.
+//! docs/plane_settings.md shows.
 
 /// A number, or some of one kind, that can be made larger or smaller.
 trait Scale: Copy {
@@ -221,9 +221,8 @@ Settings {
         /// Least logarithm of the likelihood ratio of a plane to scattered points: planes of 25
         /// roofs have 28 and more, clutter mostly less.
         evidence: f64 = 14.0,
-        /// Points of a plane that tells how thick planes of the cloud are.
-        telling: f64 = 24.0,
-        /// Second smallest over smallest variance of such a plane.
+        /// Second smallest over smallest variance of a plane that tells how thick planes of the cloud
+        /// are.
         clear: f64 = 36.0,
         /// Least standard deviation of the logarithm of the thickness of planes of one cloud: noise
         /// depends on range, incidence and surface; planes of the recorded clouds have 0.65 to 1.53
