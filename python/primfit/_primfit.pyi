@@ -34,6 +34,7 @@ __all__ = [
     "sample",
     "score_planes",
     "segment_image",
+    "segmentation_settings",
     "surface_distances",
     "surface_normals",
     "thinned",
@@ -216,7 +217,7 @@ class PointTree:
         self,
         sigma: NDArray[np.float64] | None = None,
         n_jobs: int | None = None,
-        factors: Sequence[tuple[str, float]] = (),
+        factors: Sequence[tuple[str, float]] | None = None,
     ) -> tuple[NDArray[np.int64], NDArray[np.float64], int, int]: ...
 
 def carve(

@@ -49,7 +49,7 @@ def flat_parts(
     points: Floats,
     sigma: Floats | None = None,
     n_jobs: int | None = None,
-    factors: Sequence[tuple[str, float]] = (),
+    factors: Sequence[tuple[str, float]] | None = None,
 ) -> FlatParts:
     """Connected flat parts, without any scale given.
 
@@ -67,7 +67,7 @@ def flat_parts(
         Noise across the surfaces; None is estimated.
     n_jobs : int or None
         Threads; the result does not depend on them.
-    factors : sequence of (str, float)
+    factors : sequence of (str, float) or None
         Settings of the search by name, each times a factor.
     """
     order, is_new = _by_place(points)
@@ -85,7 +85,7 @@ def _flat_parts(
     points: Floats,
     sigma: Floats | None,
     n_jobs: int | None,
-    factors: Sequence[tuple[str, float]],
+    factors: Sequence[tuple[str, float]] | None,
 ) -> FlatParts:
     """The same for points without copies, sorted by their coordinates."""
     rows = np.arange(len(points))

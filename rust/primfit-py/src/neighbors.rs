@@ -112,20 +112,20 @@ impl PointTree {
     /// The plane of each point in the order of the tree, -1 for none; the noise around each; the
     /// number of nearest points that a point touches; one in how many points was enough. Settings
     /// by name times a factor, for those who ask what they are good for.
-    #[pyo3(signature = (sigma=None, n_jobs=None, factors=Vec::new()))]
+    #[pyo3(signature = (sigma=None, n_jobs=None, factors=None))]
     fn segment<'py>(
         &self,
         py: Python<'py>,
         sigma: Option<PyReadonlyArray1<f64>>,
         n_jobs: Option<usize>,
-        factors: Vec<(String, f64)>,
+        factors: Option<Vec<(String, f64)>>,
     ) -> PyResult<Segments<'py>> {
         let sigma = sigma.as_ref().map(|sigma| sigma.as_slice()).transpose()?;
         if let Some(sigma) = sigma {
             same_length("sigma", sigma.len(), "points", self.0.points().len())?;
         }
         let mut settings = SegmentationSettings::default();
-        for (name, factor) in &factors {
+        for (name, factor) in factors.iter().flatten() {
             settings = settings
                 .scaled(name, *factor)
                 .ok_or_else(|| PyValueError::new_err(format!("no setting is called {name:?}")))?;
