@@ -3,7 +3,7 @@
 //!
 //! Two numbers in brackets are the least and the most, unless they are told apart. "Chosen" is a
 //! number without a derivation: within a factor of two either way little changes, as the table in
-//! docs/plane_settings.md shows.
+//! `docs/plane_settings.md` shows.
 
 /// A number, or some of one kind, that can be made larger or smaller.
 trait Scale: Copy {
