@@ -303,6 +303,24 @@ def test_bias_and_mount_are_told_by_the_scene(small_world, path, lidar):
         assert told[f"{name}_sigma"] < 0.003
 
 
+@pytest.mark.parametrize("sigma", [None, 0.01])
+def test_noise_by_incidence_tells_the_divergence_of_the_beams(sigma):
+    world = primfit.random_world(3, 2.0, rng=1)
+    path = primfit.grid_path(world, 0.5, headings=4, rng=1)
+    lidar = primfit.Lidar(noise=0.01 / 3, max_range=3.0, beam_divergence=0.02)
+    scan = replace(primfit.scan(world, path, lidar, rng=1, pose_noise=POSE), sigma=sigma)
+    found = primfit.detect(scan, rng=1, pose_sigma=POSE, estimate="incidence")
+    assert primfit.evaluate(found, world, frame="arena").all_right
+    told = found.calibration
+    assert abs(told["divergence"] - 0.02) < 3.5 * told["divergence_sigma"]
+    assert told["divergence_sigma"] < 0.001
+
+
+def test_beams_like_lines_have_no_divergence(small_world, mistaken):
+    told = primfit.detect(mistaken, rng=3, pose_sigma=POSE, estimate="incidence").calibration
+    assert told["divergence"] < 3.0 * told["divergence_sigma"] < 0.05
+
+
 def test_a_pose_that_fits_nothing_is_named(small_world, mistaken):
     lost = 7
     own = mistaken.pose_index == lost

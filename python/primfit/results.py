@@ -262,7 +262,8 @@ class Detection(Shown):
     lost_poses : tuple of int
         Poses whose beams fit much worse than those of the others, and were left out.
     calibration : dict
-        What was estimated of "bias", "mount_x", "mount_y", metres, and "mount_yaw", radians, and
+        What was estimated of "bias", "mount_x", "mount_y", metres, "mount_yaw" and "divergence",
+        the full angle of the beams' cone of light, radians, and
         the standard deviation of each as "bias_sigma" and so on.
     """
 

@@ -37,6 +37,9 @@ from primfit.results import Detection
 from primfit.scans.columns import as_sigma
 from primfit.scans.scan import Scan
 
+_INCIDENCE = "incidence"
+"""Name of what is estimated of the noise of beams that graze."""
+
 
 def detect_likelihood(
     scan: Scan,
@@ -84,7 +87,8 @@ def detect_likelihood(
         exact then, since it says where the map is.
     estimate : tuple of str
         What else is estimated, where poses are not exact: "bias", by how much all ranges are too
-        long, and "mount", where on the robot the sensor sits, beyond what the scan believes.
+        long, "mount", where on the robot the sensor sits, beyond what the scan believes, and
+        "incidence", by how much the noise grows where beams graze: their divergence.
     n_jobs : int or None
         Threads; None for all.
     progress : bool or callable
@@ -126,14 +130,16 @@ def detect_likelihood(
     given = scan.sigma if sigma is None else as_sigma(sigma, len(scan))
     spread = estimate_range_sigma(scan, rng) if given is None else given
 
-    free = _shared(estimate)
+    free, by_incidence = _shared(estimate)
     if pose_sigma is not None or step_sigma is not None:
         if pose_sigma is not None and step_sigma is not None:
             raise ValueError("pose_sigma and step_sigma exclude each other: give one of them")
-        task = Task(np.asarray(spread), given is None, free, how, rng, n_jobs_or_none(n_jobs))
+        task = Task(
+            np.asarray(spread), given is None, free, by_incidence, how, rng, n_jobs_or_none(n_jobs)
+        )
         with reporting(progress, 10, "stage") as tell:
             return detect_with_poses(Track.of(scan, pose_sigma, step_sigma), task, tell)
-    if free:
+    if free or by_incidence:
         raise ValueError(
             "estimate needs pose_sigma or step_sigma: what is common to all beams is sought with "
             "the poses"
@@ -179,12 +185,13 @@ def detect_likelihood(
     return detection
 
 
-def _shared(estimate: Collection[str]) -> tuple[int, ...]:
-    """Which of what is common to all beams is sought."""
+def _shared(estimate: Collection[str]) -> tuple[tuple[int, ...], bool]:
+    """Which of what is common to all beams is sought, and whether noise is by incidence."""
     names = (estimate,) if isinstance(estimate, str) else tuple(estimate)
     for name in names:
-        choice("estimate", name, list(SHARED))
-    return tuple(sorted({k for name in names for k in SHARED[name]}))
+        choice("estimate", name, [*SHARED, _INCIDENCE])
+    free = tuple(sorted({k for name in names for k in SHARED.get(name, ())}))
+    return free, _INCIDENCE in names
 
 
 def _check(scan: Scan) -> None:

@@ -27,6 +27,7 @@ from primfit.likelihood.environment import (
 )
 from primfit.likelihood.final_fit import model_error
 from primfit.likelihood.hypotheses import Hypothesis
+from primfit.likelihood.incidence import Divergence, with_divergence
 from primfit.likelihood.joint_selection import (
     is_well_known,
     mended,
@@ -58,11 +59,14 @@ class Task:
         Whether it is to be measured once the scene is known.
     free : tuple of int
         Which of what is common to all beams is sought.
+    by_incidence : bool
+        Whether noise may grow where beams graze.
     """
 
     spread: Floats
     measure_sigma: bool
     free: tuple[int, ...]
+    by_incidence: bool
     settings: LikelihoodSettings
     rng: np.random.Generator
     n_jobs: int | None
@@ -80,7 +84,7 @@ def detect_with_poses(track: Track, task: Task, tell: Any) -> Detection:
         if stage > 3 and _share_of_suspects(problem) < task.settings.poses.most_suspects:
             break
     problem, lost, unfit = _without_lost(problem, task)
-    problem = _measured(problem, task)
+    problem, divergence = _measured(problem, task)
     tell(7)
     problem = settled(with_two_sizes(problem), task.settings.poses)
     tell(8)
@@ -93,6 +97,9 @@ def detect_with_poses(track: Track, task: Task, tell: Any) -> Detection:
     _warn_of(problem.track.numbers[unfit], len(lost))
     tell(9)
     detection = _reported(problem, lost, task)
+    if divergence is not None:
+        told = {"divergence": divergence.value, "divergence_sigma": divergence.sigma}
+        detection = replace(detection, calibration={**detection.calibration, **told})
     tell(10)
     return detection
 
@@ -283,12 +290,17 @@ def _warn_of(numbers: Ints, n_poses: int) -> None:
         )
 
 
-def _measured(problem: Problem, task: Task) -> Problem:
-    """With the noise that the residuals have, if it was not given."""
-    if not task.measure_sigma:
-        return problem
+def _measured(problem: Problem, task: Task) -> tuple[Problem, Divergence | None]:
+    """With the noise that residuals have, if it was not given, and by incidence, if wanted."""
+    if not (task.measure_sigma or task.by_incidence):
+        return problem, None
     scene = replace(problem.scene, recording=Recording.of(problem.track.moved()))
-    return replace(problem, scene=replace(scene, model=measure_noise(scene, True, 1)))
+    if task.measure_sigma:
+        scene = replace(scene, model=measure_noise(scene, True, 1))
+    if not task.by_incidence:
+        return replace(problem, scene=scene), None
+    model, divergence = with_divergence(scene, task.measure_sigma)
+    return replace(problem, scene=replace(scene, model=model)), divergence
 
 
 def _reported(problem: Problem, lost: Bools, task: Task) -> Detection:
