@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -28,7 +29,7 @@ _NO_PATCH = Patch((), 0.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FoundSurface:
+class FoundSurface(ABC):
     """What found surfaces of all kinds have in common.
 
     Attributes
@@ -77,9 +78,9 @@ class FoundSurface:
         return self.patch.area
 
     @property
+    @abstractmethod
     def parameters(self) -> Floats:
         """What `covariance` is of (p,)."""
-        raise NotImplementedError
 
     @property
     def sigmas(self) -> dict[str, float]:
@@ -90,13 +91,13 @@ class FoundSurface:
         variances = np.diag(self.covariance)
         return {name: float(np.sqrt(variances[at].sum())) for name, at in self._sigmas.items()}
 
+    @abstractmethod
     def distances(self, points: Floats) -> Floats:
         """Signed distances (n,) of points (n, 3), metres, positive away from axis or centre."""
-        raise NotImplementedError
 
+    @abstractmethod
     def normals(self, points: Floats) -> Floats:
         """Unit normals (n, 3) at the feet of points (n, 3), away from axis or centre."""
-        raise NotImplementedError
 
     def moved(self, offset: Floats) -> Self:
         """The surface moved by a vector (3,), metres."""
@@ -170,12 +171,13 @@ class _Round(FoundSurface):
     axis: Floats
 
     @property
+    @abstractmethod
     def _place(self) -> Floats:
-        raise NotImplementedError
+        """A point of the axis (3,), metres."""
 
+    @abstractmethod
     def _profile(self, rho: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
         """Distance, and the normal's part away from the axis and along it."""
-        raise NotImplementedError
 
     def _sights(self, points: Floats) -> tuple[Floats, Floats]:
         away = points - self._place
