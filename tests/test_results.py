@@ -11,27 +11,27 @@ import pytest
 
 import primfit
 from primfit import plotting
-from primfit.results import FoundSolid
+from primfit.solids.found import FoundSolid
 
 
 def as_found(world, found, changes=()):
     """A detection that holds the truth, but for some changes {row: fields}."""
     solids = []
     for i, solid in enumerate(world.solids):
-        perfect = FoundSolid(
-            kind=solid.kind,
-            footprint=solid.footprint,
-            base=0.0,
-            top=solid.height,
-            angle=solid.angle,
-            size=solid.size,
-            covariance=np.eye(4),
-            planes=(),
-            observed=(),
-        )
+        perfect = {
+            "kind": solid.kind,
+            "footprint": solid.footprint,
+            "base": 0.0,
+            "top": solid.height,
+            "angle": solid.angle,
+            "size": solid.size,
+            "covariance": np.eye(4),
+            "planes": (),
+            "observed": (),
+        }
         change = dict(changes).get(i, {})
         if change is not None:
-            solids.append(replace(perfect, **change))
+            solids.append(FoundSolid.upright(**(perfect | change)))
     return replace(found, solids=tuple(solids))
 
 

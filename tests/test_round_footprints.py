@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 import primfit
 from primfit.geometry import footprints
-from primfit.results import Detection, FoundSolid
+from primfit.results import Detection
+from primfit.solids.found import FoundSolid
 
 angles = st.floats(0, 2 * np.pi)
 places = st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
@@ -126,7 +127,7 @@ def test_ranges_to_a_circle():
 
 
 def found_as(world, footprint, kind):
-    solid = FoundSolid(
+    solid = FoundSolid.upright(
         kind, footprint, 0.0, 0.2, footprints.angle_of(footprint, kind),
         footprints.size_of(footprint, kind), np.eye(5), (), (),
     )  # fmt: skip

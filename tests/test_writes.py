@@ -42,7 +42,7 @@ def write():
     elif "found." in name:
         wall = primfit.Plane(np.array([0.0, 0, 1, 0]), np.arange(3), points, 1.0, 0.1, np.eye(4))
         found = primfit.Detection(primfit.Scan.from_points(points[:9]), "planes", (wall,), np.full(9, -1),
-            tuple(primfit.FoundSolid("square", np.eye(4)[:, :2], 0, 1, 0, 1, np.eye(4), (), ()) for _ in range(n // 20)),
+            tuple(primfit.FoundSolid.upright("square", np.eye(4)[:, :2], 0, 1, 0, 1, np.eye(4), (), ()) for _ in range(n // 20)),
             None, None, 0.1, {})
         if name.endswith("json"):
             found.to_json(name)

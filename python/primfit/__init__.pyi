@@ -13,8 +13,8 @@ from .planes.detection import detect_planes
 from .planes.plane import Plane, Planes
 from .polyhedra.assembly import find_polyhedra
 from .polyhedra.box_fit import BoxFit, fit_box
-from .polyhedra.found import FoundPolyhedron, Polyhedra
-from .results import Contradiction, Detection, FoundArena, FoundSolid
+from .polyhedra.found import Polyhedra
+from .results import Contradiction, Detection, FoundArena
 from .scans.bags import read_clouds, read_scan
 from .scans.casting import RayCaster
 from .scans.scan import Scan
@@ -25,6 +25,7 @@ from .sensors.depth_camera import DepthCamera
 from .sensors.lidar import Lidar
 from .sensors.pinhole import points_of_depth
 from .sensors.sensor import Sensor
+from .solids.found import FoundSolid
 from .solids.frusta import Cone, Cylinder
 from .solids.polyhedron import Polyhedron
 from .solids.prism import Prism
@@ -54,7 +55,6 @@ __all__ = [
     "DepthCamera",
     "Detection",
     "FoundArena",
-    "FoundPolyhedron",
     "FoundSolid",
     "Lidar",
     "LikelihoodSettings",

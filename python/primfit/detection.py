@@ -177,8 +177,9 @@ def _of_rows(found: Detection, rows: Ints, n: int) -> Detection:
     labels = np.full(n, -1, dtype=np.int64)
     labels[rows] = found.labels
     planes = tuple(replaced(plane, inliers=rows[plane.inliers]) for plane in found.planes)
+    surfaces = tuple(replaced(each, inliers=rows[each.inliers]) for each in found.surfaces)
     floor = found.floor and replaced(found.floor, inliers=rows[found.floor.inliers])
-    return replace(found, labels=labels, planes=planes, floor=floor)
+    return replace(found, labels=labels, planes=planes, surfaces=surfaces, floor=floor)
 
 
 def choose_method(scan: Scan | PointsLike) -> tuple[str, str]:

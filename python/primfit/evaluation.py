@@ -14,8 +14,8 @@ from primfit._tables import html_table
 from primfit.geometry.footprints import symmetry_angle
 from primfit.geometry.motions import Motion
 from primfit.geometry.shapes import turn_between
-from primfit.polyhedra.found import FoundPolyhedron
-from primfit.results import Detection, FoundSolid
+from primfit.results import Detection
+from primfit.solids.found import FoundSolid
 from primfit.solids.polyhedron import Polyhedron
 from primfit.solids.prism import Prism
 from primfit.solids.round import Round
@@ -266,22 +266,7 @@ def _motion(found: Detection, world: World, max_distance: float) -> Motion:
 
 def _laid(found: Detection, motion: Motion) -> Detection:
     """The detection with its solids where a motion brings them."""
-    solids: list[Any] = []
-    given: tuple[Any, ...] = found.solids
-    for solid in given:
-        if isinstance(solid, Round):
-            place, end = motion.of(solid.center[:2] + np.array([[0.0, 0.0], solid.axis[:2]]))
-            center = [*place, solid.center[2]]
-            solids.append(solid.placed(center, [*(end - place), solid.axis[2]]))
-        elif isinstance(solid, FoundPolyhedron):
-            vertices = np.column_stack([motion.of(solid.vertices[:, :2]), solid.vertices[:, 2]])
-            outline = solid.footprint
-            footprint = None if outline is None else motion.of(outline)
-            solids.append(replace(solid, vertices=vertices, footprint=footprint))
-        else:
-            angle = solid.angle + motion.turn
-            solids.append(replace(solid, footprint=motion.of(solid.footprint), angle=angle))
-    return replace(found, solids=tuple(solids))
+    return replace(found, solids=tuple(solid.laid(motion) for solid in found.solids))
 
 
 def _n_upright_faces(solid: Solid) -> int:
@@ -311,7 +296,7 @@ def _compare(i: int, solid: Solid, j: int, found: Detection) -> Row:
     )
 
 
-def _angle_error(solid: Solid, other: FoundSolid | FoundPolyhedron) -> float:
+def _angle_error(solid: Solid, other: FoundSolid | Solid) -> float:
     """Difference of two angles modulo the symmetry of the true solid, radians.
 
     Without a kind in common the outlines themselves are laid over each other, and without an
@@ -336,15 +321,15 @@ def _angle_error(solid: Solid, other: FoundSolid | FoundPolyhedron) -> float:
     return float(abs((turn + period / 2) % period - period / 2))
 
 
-def _angle_of_axes(solid: Round, other: object) -> float:
+def _angle_of_axes(solid: Round, other: FoundSolid | Solid) -> float:
     """Angle between the axes of two round solids, radians; NaN where one of them has none.
 
     A cone is told from one that points the other way, other solids are not.
     """
-    axis = getattr(other, "axis", None)
-    if axis is None or solid.solid_kind == "sphere":
+    what = other.solid if isinstance(other, FoundSolid) else other
+    if not isinstance(what, Round) or solid.solid_kind == "sphere":
         return np.nan
-    cosine, sine = np.dot(solid.axis, axis), np.linalg.norm(np.cross(solid.axis, axis))
+    cosine, sine = np.dot(solid.axis, what.axis), np.linalg.norm(np.cross(solid.axis, what.axis))
     return float(np.arctan2(sine, cosine if solid.solid_kind == "cone" else abs(cosine)))
 
 

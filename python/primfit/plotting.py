@@ -11,8 +11,7 @@ import numpy as np
 from primfit._check import Floats
 from primfit._files import replacing
 from primfit.geometry.shells import area_vectors
-from primfit.polyhedra.found import FoundPolyhedron
-from primfit.results import Detection, FoundSolid
+from primfit.results import Detection
 from primfit.scans.scan import Scan
 from primfit.solids.round import Round
 from primfit.solids.solid import Solid
@@ -84,7 +83,7 @@ def plot_world(world: World, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _tops(solid: Solid | FoundSolid | FoundPolyhedron) -> list[Floats]:
+def _tops(solid: Solid) -> list[Floats]:
     """Outlines (m, 2) of the faces that look upwards."""
     if solid.footprint is not None:
         return [solid.footprint]
@@ -129,7 +128,8 @@ def plot_detection(found: Detection, world: World | None = None, ax: Axes | None
             )
     for found_solid in found.solids:
         shade = _color(found_solid.kind)
-        for outline in _tops(found_solid):
+        footprint = found_solid.footprint
+        for outline in _tops(found_solid.solid) if footprint is None else [footprint]:
             ax.fill(*outline.T, facecolor=shade, alpha=0.45)
             ax.plot(*np.vstack([outline, outline[:1]]).T, color=shade, linewidth=1.2)
         x, y, _ = found_solid.center

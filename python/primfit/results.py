@@ -12,133 +12,16 @@ import numpy as np
 
 from primfit._check import Floats, Ints, writable
 from primfit._files import replacing
-from primfit.geometry.extrusions import prism_faces, prism_triangles, prism_vertices
-from primfit.geometry.footprints import area_centroid
 from primfit.planes.plane import Plane
-from primfit.polyhedra.found import FoundPolyhedron
 from primfit.scans.scan import Scan
+from primfit.solids.found import FoundSolid
+from primfit.surfaces.kinds import CurvedSurface
 from primfit.viewing.shown import Shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from primfit.worlds.world import World
-
-
-@dataclass(frozen=True, eq=False)
-class FoundSolid:
-    """An upright solid that was found.
-
-    Attributes
-    ----------
-    kind : str
-        "triangle", "square", "rectangle", "pentagon", ..., "star" or "polygon".
-    footprint : (m, 2) float64, metres
-        Counter-clockwise.
-    base, top : float, metres
-        z of the floor, and of the upper end; where the height is not known, of the highest beam
-        that ended on the solid.
-    angle : float, radians
-        Yaw of the footprint, from zero up to its symmetry.
-    size : float or (float, float), metres
-        Side; (long, short) of a rectangle; (outer, inner) radius of a star.
-    covariance : (k, k) float64
-        Of center x, center y, angle and the one or two sizes; NaN when nothing was fitted.
-    planes : tuple of int
-        Its walls among the planes found.
-    observed : tuple of bool
-        Which of `faces` returned beams.
-    height_sigma : float, metres
-        Standard deviation of the height; NaN where no beam tells the height.
-    tolerance_sigma : float, metres
-        Standard deviation of x and y of the center that the shape's own inexactness adds to
-        `covariance`, which is that of the noise alone: walls of a real solid may be off its kind by
-        as much as the tolerance, unless the beams say less.
-    """
-
-    kind: str
-    footprint: Floats
-    base: float
-    top: float
-    angle: float
-    size: float | tuple[float, float]
-    covariance: Floats
-    planes: tuple[int, ...]
-    observed: tuple[bool, ...]
-    height_sigma: float = np.nan
-    tolerance_sigma: float = 0.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "footprint", np.array(self.footprint))
-
-    @property
-    def height(self) -> float:
-        """From base to top, metres; NaN where no beam tells."""
-        return self.top - self.base if np.isfinite(self.height_sigma) else np.nan
-
-    @property
-    def center(self) -> Floats:
-        """Mean of the vertices (3,), metres; z is NaN where the height is."""
-        return np.append(self.footprint.mean(axis=0), self.base + self.height / 2)
-
-    @property
-    def centroid(self) -> Floats:
-        """Centroid of the volume (3,), metres; z is NaN where the height is."""
-        return np.append(area_centroid(self.footprint), self.base + self.height / 2)
-
-    def moved(self, offset: Floats) -> FoundSolid:
-        """The solid moved by a vector (3,), metres."""
-        z = float(offset[2])
-        return replace(
-            self, footprint=self.footprint + offset[:2], base=self.base + z, top=self.top + z
-        )
-
-    @property
-    def vertices(self) -> Floats:
-        """Vertices (2m, 3), metres: the bottom, then the top."""
-        return prism_vertices(self.footprint, self.base, self.top)
-
-    @property
-    def faces(self) -> tuple[Ints, ...]:
-        """Rows of `vertices` around each face, seen from outside: m walls, bottom, top."""
-        return prism_faces(len(self.footprint))
-
-    @property
-    def sigmas(self) -> dict[str, float]:
-        """Standard deviations by name: metres, and radians for the angle."""
-        names = ["center_x", "center_y", "angle", "size", "size_2"]
-        return {
-            name: float(np.sqrt(variance))
-            for name, variance in zip(names, np.diag(self.covariance), strict=False)
-        } | {"height": self.height_sigma}
-
-    def to_mesh(self) -> tuple[Floats, Ints]:
-        """Vertices (2m, 3) and triangles (t, 3), counter-clockwise from outside."""
-        return self.vertices, prism_triangles(self.footprint)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The solid as plain numbers, for JSON."""
-        return {
-            "kind": self.kind,
-            "center": _plain(self.center),
-            "centroid": _plain(self.centroid),
-            "angle": self.angle,
-            "size": self.size,
-            "height": self.height if np.isfinite(self.height) else None,
-            "footprint": self.footprint.tolist(),
-            "sigmas": _without_nan(self.sigmas),
-            "tolerance_sigma": self.tolerance_sigma,
-            "planes": list(self.planes),
-            "observed": list(self.observed),
-        }
-
-    def __repr__(self) -> str:
-        x, y, _ = self.center
-        size = ", ".join(f"{value:.4f}" for value in np.atleast_1d(self.size))
-        return (
-            f"FoundSolid({self.kind}, center=({x:.4f}, {y:.4f}), size={size} m, "
-            f"angle={np.degrees(self.angle):.2f} deg)"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +124,7 @@ class Detection(Shown):
         Without the floor.
     labels : (n,) int64
         Plane of each row of the scan, -1 for none.
-    solids : tuple of FoundSolid, or of FoundPolyhedron by the method "planes"
+    solids : tuple of FoundSolid
         Without the arena.
     arena : FoundArena or None
     floor : Plane or None
@@ -261,6 +144,8 @@ class Detection(Shown):
         Of each, with the map unknown; NaN for poses without beams.
     lost_poses : tuple of int
         Poses whose beams fit much worse than those of the others, and were left out.
+    surfaces : tuple of SphereSurface, CylinderSurface, ConeSurface and TorusSurface
+        Curved ones, also those that close no solid; by the method "planes" only.
     calibration : dict
         What was estimated of "bias", "mount_x", "mount_y", metres, "mount_yaw" and "divergence",
         the full angle of the beams' cone of light, radians, and
@@ -271,7 +156,7 @@ class Detection(Shown):
     method: str
     planes: tuple[Plane, ...]
     labels: Ints
-    solids: tuple[FoundSolid | FoundPolyhedron, ...]
+    solids: tuple[FoundSolid, ...]
     arena: FoundArena | None
     floor: Plane | None
     sigma: float
@@ -282,6 +167,7 @@ class Detection(Shown):
     path_covariance: Floats | None = None
     lost_poses: tuple[int, ...] = ()
     calibration: dict[str, float] = field(default_factory=dict)
+    surfaces: tuple[CurvedSurface, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "labels", writable(self.labels))
@@ -295,6 +181,7 @@ class Detection(Shown):
             solids=tuple(solid.moved(offset) for solid in self.solids),
             arena=self.arena and self.arena.moved(offset),
             floor=self.floor and self.floor.moved(offset),
+            surfaces=tuple(surface.moved(offset) for surface in self.surfaces),
             contradictions=tuple(each.moved(offset) for each in self.contradictions),
             path=None if self.path is None else self.path + np.append(offset[:2], 0.0),
         )
@@ -344,6 +231,7 @@ class Detection(Shown):
             "arena": self.arena and self.arena.to_dict(),
             "floor": planes.pop(0) if self.floor else None,
             "planes": planes,
+            "surfaces": [surface.to_dict() for surface in self.surfaces],
             "shells": [list(shell) for shell in self.shells],
             "contradictions": [each.to_dict() for each in self.contradictions],
         } | self._poses_to_dict()
@@ -427,7 +315,7 @@ class Detection(Shown):
         return solids + planes_html(self.planes, f"{len(self.planes)} planes")
 
     def __repr__(self) -> str:
-        kinds = ", ".join(solid.kind for solid in self.solids) or "none"
+        kinds = ", ".join(solid.title for solid in self.solids) or "none"
         arena = "an arena" if self.arena else "no arena"
         return (
             f"Detection({len(self.solids)} solid{'s' * (len(self.solids) != 1)}: {kinds}; {arena}; "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,13 +11,14 @@ from scipy.spatial.transform import Rotation
 from primfit._check import Floats, Ints
 from primfit.geometry import footprints
 from primfit.geometry.footprints import TOLERANCE
+from primfit.geometry.motions import Motion, turned
 from primfit.geometry.products import lengths_of, product
 from primfit.geometry.shells import Faces, Shell, area_vectors
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """What a polyhedron is.
+    """What a solid is.
 
     Attributes
     ----------
@@ -26,6 +27,8 @@ class Shape:
         the name of its footprint.
     footprint : (m, 2) float64 or None, metres
         Of an upright prism.
+    angle : float, radians
+        Yaw of the footprint; NaN without one.
     size : float or (2,) or (3,), metres
     solid_kind : str
         As `kind`, but the same at any tilt; a right prism over a circle is a "cylinder".
@@ -33,15 +36,28 @@ class Shape:
         Length, width and height along the own axes.
     rotations : (s, 3, 3) float64
         Turns of the solid's own frame that look alike, the smallest first; their number is the
-        order of its symmetry.
+        order of its symmetry. Of a solid that tells its frame itself there may be none.
     """
 
     kind: str
     footprint: Floats | None
+    angle: float
     size: float | tuple[float, ...]
     solid_kind: str
     dimensions: tuple[float, float, float]
     rotations: Floats
+
+    def laid(self, motion: Motion) -> Shape:
+        """What it is after a motion about the vertical."""
+        footprint, rotations = self.footprint, self.rotations.copy()
+        for axes in rotations:
+            axes[:2] = turned(axes[:2].T, motion.turn).T
+        return replace(
+            self,
+            footprint=None if footprint is None else motion.of(footprint),
+            angle=self.angle + motion.turn,
+            rotations=rotations,
+        )
 
 
 def shape_of(vertices: Floats, faces: Faces, tolerance: float = TOLERANCE) -> Shape:
@@ -95,7 +111,47 @@ def shape_of(vertices: Floats, faces: Faces, tolerance: float = TOLERANCE) -> Sh
         dimensions = (length, width, float(np.ptp(own[:, 2])))
     else:
         dimensions = dimensions_of(own, solid_kind)
-    return Shape(kind, footprint, size, solid_kind, dimensions, rotations)
+    angle = np.nan if footprint is None else footprints.angle_of(footprint, kind, tolerance)
+    return Shape(kind, footprint, angle, size, solid_kind, dimensions, rotations)
+
+
+def upright_shape(
+    kind: str, footprint: Floats, angle: float, size: float | tuple[float, float], height: float
+) -> Shape:
+    """The shape of an upright prism of which kind, angle and size are known; the height may be NaN.
+
+    The prism tells its own frame.
+    """
+    solid_kind = upright_name(kind, len(footprint), size, height)
+    dimensions = upright_dimensions(kind, footprint, size, height)
+    return Shape(kind, footprint, angle, size, solid_kind, dimensions, np.empty((0, 3, 3)))
+
+
+def upright_name(
+    kind: str, n_corners: int, size: float | tuple[float, float], height: float
+) -> str:
+    """Name at any tilt of an upright prism over a footprint of this kind."""
+    if kind == "square":
+        return "cube" if abs(height - np.max(size)) <= TOLERANCE * height else "box"
+    if n_corners == 3:
+        return "wedge"
+    return {"rectangle": "box", "circle": "cylinder"}.get(kind, "prism")
+
+
+def upright_dimensions(
+    kind: str, footprint: Floats, size: float | tuple[float, float], height: float
+) -> tuple[float, float, float]:
+    """Length, width and height along the own axes of an upright prism, metres."""
+    if kind == "circle":
+        diameter = 2.0 * float(np.max(size))
+        return diameter, diameter, height
+    if kind in ("square", "rectangle"):
+        sides = np.broadcast_to(size, 2).tolist()
+        # A height that is not known stays in its place.
+        high, middle, low = [*sides, height] if np.isnan(height) else sorted([*sides, height])[::-1]
+        return high, middle, low
+    across = np.ptp(product(footprint, footprints.rectangle_frame(footprint)[:2, :2].T), axis=0)
+    return float(across.max()), float(across.min()), height
 
 
 def dimensions_of(own: Floats, solid_kind: str) -> tuple[float, float, float]:

@@ -12,7 +12,8 @@ from primfit.likelihood.footprint_models import Template
 from primfit.likelihood.hypotheses import Candidate, Hypothesis
 from primfit.likelihood.scene import Scene
 from primfit.planes.plane import Plane, hull
-from primfit.results import Contradiction, Detection, FoundArena, FoundSolid
+from primfit.results import Contradiction, Detection, FoundArena
+from primfit.solids.found import FoundSolid
 from primfit.worlds.world import FLOOR
 
 _SEEN = 3
@@ -163,7 +164,7 @@ def _solid(
     footprint, angle, size, covariance = _measures(best)
     top_is_known = floor_sigma is not None and np.isfinite(best.top.sigma)
     m = len(footprint)
-    return FoundSolid(
+    return FoundSolid.upright(
         kind=best.fit.shape.kind,
         footprint=footprint,
         base=base,

@@ -34,9 +34,10 @@ from primfit.planes.scan_planes import (
     noisy_points,
     peel_with_progress,
 )
-from primfit.results import Detection, FoundArena, FoundSolid
+from primfit.results import Detection, FoundArena
 from primfit.scans.columns import as_sigma
 from primfit.scans.scan import Scan
+from primfit.solids.found import FoundSolid
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -312,7 +313,7 @@ def _solid(
     top = (highest + cleared) / 2 if is_known else highest
     at_top = cloud.points[np.abs(z - top) <= cloud.limit, :2]
     sees_top = int(shapely.contains_xy(shapely.Polygon(outline.footprint), at_top).sum()) >= 3
-    return FoundSolid(
+    return FoundSolid.upright(
         kind=outline.kind,
         footprint=outline.footprint,
         base=bottom,
@@ -332,9 +333,9 @@ def _part_enclosing(
     """Where the seen sides are not known, the outline with the other points inside is the arena."""
     if not solids:
         return solids, None
-    outer = max(solids, key=lambda solid: abs(signed_area(solid.footprint)))
-    interior = shapely.Polygon(outer.footprint).buffer(-close)
+    outer = max(solids, key=lambda solid: solid.solid.shadow.area)
+    interior = outer.solid.shadow.buffer(-close)
     if shapely.contains_xy(interior, cloud.points[:, :2]).mean() < 0.01:
         return solids, None
     others = [solid for solid in solids if solid is not outer]
-    return others, FoundArena(outer.footprint, outer.planes)
+    return others, FoundArena(shapely.get_coordinates(outer.solid.shadow)[:-1], outer.planes)

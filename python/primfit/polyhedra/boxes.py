@@ -14,8 +14,8 @@ from primfit.geometry.decompositions import inverse_of
 from primfit.geometry.products import dot, dots, lengths_of, product
 from primfit.polyhedra.adjacency import OPEN, Face
 from primfit.polyhedra.box_fit import box_through
-from primfit.polyhedra.found import FoundPolyhedron
 from primfit.polyhedra.naming import found_solid
+from primfit.solids.found import FoundSolid
 from primfit.solids.polyhedron import Polyhedron
 
 _BENT, _STRAIGHT = 0.15, 0.05
@@ -47,7 +47,7 @@ _AROUND = np.array(
 
 def boxes_among(
     group: list[int], faces: list[Face], graph: nx.Graph, facing: bool, loose: Floats
-) -> list[FoundPolyhedron]:
+) -> list[FoundSolid]:
     """Boxes of which planes that meet are two or three faces, the ones with more and larger first.
 
     Points (n, 3) of no plane are `loose`.
@@ -62,7 +62,7 @@ def boxes_among(
     )
     met = [each for each in nx.enumerate_all_cliques(square) if 2 <= len(each) <= 3]
     met.sort(key=lambda each: (len(each), sum(faces[i].polygon.area for i in each)), reverse=True)
-    boxes: list[FoundPolyhedron] = []
+    boxes: list[FoundSolid] = []
     used: set[int] = set()
     for chosen in met:
         if not used.isdisjoint(chosen):
@@ -249,7 +249,7 @@ class _Box:
     def _outline(self, number: int, face: Face) -> shapely.Polygon:
         return shapely.Polygon(product(self.vertices[_AROUND[number]], face.axes))
 
-    def found(self, faces: list[Face]) -> FoundPolyhedron:
+    def found(self, faces: list[Face]) -> FoundSolid:
         """The box as what it is called, and how well it is known."""
         numbers = [*self.seen, *(k for k in range(6) if k not in self.seen)]
         planes = [{**self.resting, **self.seen}.get(k, OPEN) for k in numbers]

@@ -13,11 +13,11 @@ from primfit._check import Floats, Ints
 from primfit.geometry.products import dots, product
 from primfit.polyhedra.adjacency import OPEN, Face, clear_of
 from primfit.polyhedra.convex import convex_corners
-from primfit.polyhedra.found import FoundPolyhedron
 from primfit.polyhedra.joint_fit import fitted_together, scatter_of
 from primfit.polyhedra.naming import found_solid
 from primfit.polyhedra.open_surface import OpenSurface, Rim
 from primfit.polyhedra.unseen import Unseen, unseen_faces
+from primfit.solids.found import FoundSolid
 from primfit.solids.polyhedron import Polyhedron
 
 _SHORTEST = 0.5
@@ -47,7 +47,7 @@ class _Bound:
 
 def closed_solid(
     group: list[int], faces: list[Face], graph: nx.Graph, facing: bool
-) -> FoundPolyhedron | None:
+) -> FoundSolid | None:
     """The closed solid that a group of planes makes, if it makes one.
 
     Where normals are `facing` the sensor, the solid must lie behind them.
@@ -164,7 +164,7 @@ def _beyond(rim: Rim, group: list[int], faces: list[Face], most: int) -> list[Un
 
 def _solid(
     bounds: list[_Bound], corners: list[Ints], group: list[int], faces: list[Face], facing: bool
-) -> FoundPolyhedron | None:
+) -> FoundSolid | None:
     """The solid with these faces, the first of which were seen; None when it is not there."""
     equations = np.stack([bound.equation for bound in bounds])
     scatters = np.stack([bound.scatter for bound in bounds])

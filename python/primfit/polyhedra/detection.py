@@ -1,24 +1,71 @@
-"""Solids of any shape in any position, from the planes of a cloud."""
+"""Solids of any shape in any position, from the planes and curved surfaces of a cloud."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from primfit._check import Ints, choice, instance, integer, number
 from primfit.clouds.pinhole import is_of_pinhole
 from primfit.planes.detection import detect_planes
+from primfit.planes.plane import Plane
+from primfit.planes.ransac import Orientation
 from primfit.planes.scan_planes import Progress
 from primfit.polyhedra.assembly import find_polyhedra
 from primfit.results import Detection
 from primfit.scans.scan import Scan
+from primfit.solids.found import FoundSolid
+from primfit.surfaces.detection import KINDS, detect_surfaces
+from primfit.surfaces.kinds import CurvedSurface
+from primfit.surfaces.round_solids import round_solids, tiles_of
+
+
+@dataclass(frozen=True)
+class PlaneSettings:
+    """How `primfit.detect` by planes runs; lengths in metres.
+
+    Attributes
+    ----------
+    orientation : str or (3,)
+        "any", "vertical", "horizontal", or the axis of the normal.
+    max_angle : float or None, radians
+        How far a normal may be off the orientation.
+    threshold : float or None
+        Greatest distance of an inlier, for all planes; None: each plane's own.
+    min_points : int or None
+        Least inliers; None for 10, and as many as make a plane unlikely to be chance.
+    kinds : tuple of str
+        Surfaces that are looked for: "plane", and of "sphere", "cylinder", "cone", "torus" those
+        that may be solids.
+    """
+
+    orientation: Any = "any"
+    max_angle: float | None = None
+    threshold: float | None = None
+    min_points: int | None = None
+    kinds: Sequence[str] = KINDS
+
+    def __post_init__(self) -> None:
+        Orientation.of(self.orientation, self.max_angle)
+        if self.threshold is not None:
+            number("threshold", self.threshold, above=0.0)
+        if self.min_points is not None:
+            integer("min_points", self.min_points, low=3)
+        kinds = [self.kinds] if isinstance(self.kinds, str) else self.kinds
+        object.__setattr__(self, "kinds", tuple(choice("kinds", each, KINDS) for each in kinds))
+        if "plane" not in self.kinds:
+            raise ValueError(f"kinds must hold 'plane', not only {', '.join(self.kinds)}")
 
 
 def detect_by_planes(
     scan: Scan,
     rng: Any = None,
     *,
-    orientation: Any = "any",
+    settings: PlaneSettings | None = None,
+    orientation: Any = None,
     max_angle: float | None = None,
     sigma: Any = None,
     threshold: float | None = None,
@@ -26,12 +73,14 @@ def detect_by_planes(
     n_jobs: int | None = None,
     progress: Progress = False,
 ) -> Detection:
-    """Planes in any direction by `detect_planes`, and the solids that they enclose.
+    """Planes by `detect_planes` and curved surfaces by `detect_surfaces`, and what they enclose.
 
     Nothing is assumed of the scene: not which way is up, no floor and no arena, which are planes
     as others are. A solid must be seen from around, but for faces that the seen ones force
     (see `find_polyhedra`); what a scan with origins sees from inside, as the walls of a room, is
-    none.
+    none. Round solids are those of which a surface shows as much as is in view from two radii away
+    (pipes, cans, balls, columns, rings; see `primfit.surfaces.round_solids`); flat parts that tile
+    the surface of one are no planes then.
 
     Parameters
     ----------
@@ -39,13 +88,17 @@ def detect_by_planes(
         With origins or without, as recorded. Points without origins that are pixels of a camera
         tell themselves that it was in the origin (`settings["camera_in_origin"]`): then normals
         point to it, and what was seen from outside is told from what was seen from inside.
-    rng, orientation, max_angle, sigma, threshold, min_points, n_jobs, progress
+    rng, sigma, n_jobs, progress
         As those of `detect_planes`.
+    settings : PlaneSettings or None
+        None for the defaults.
+    orientation, max_angle, threshold, min_points
+        As in the settings, instead of which each may be given alone.
 
     Returns
     -------
     Detection
-        Its solids are `FoundPolyhedron`.
+        Its solids are named at any tilt.
 
     Examples
     --------
@@ -54,31 +107,62 @@ def detect_by_planes(
     >>> points = size * np.random.default_rng(1).random((6000, 3))
     >>> points[np.arange(6000), face // 2] = face % 2 * size[face // 2]
     >>> primfit.detect(points)
-    Detection(1 solid: rectangle; no arena; 6 planes; sigma 0 mm)
+    Detection(1 solid: box; no arena; 6 planes; sigma 0 mm)
     """
+    how = PlaneSettings() if settings is None else settings
+    instance("settings", how, PlaneSettings)
+    wishes = {"orientation": orientation, "max_angle": max_angle}
+    wishes |= {"threshold": threshold, "min_points": min_points}
+    how = replace(how, **{name: wish for name, wish in wishes.items() if wish is not None})
     is_of_camera = not scan.has_origins and is_of_pinhole(scan.points[scan.is_return])
     seen = Scan.from_points(scan.points, np.zeros(3), scan.sigma) if is_of_camera else scan
     planes = detect_planes(
         seen,
         sigma=sigma,
         rng=rng,
-        orientation=orientation,
-        max_angle=max_angle,
-        threshold=threshold,
-        min_points=min_points,
+        orientation=how.orientation,
+        max_angle=how.max_angle,
+        threshold=how.threshold,
+        min_points=how.min_points,
         n_jobs=n_jobs,
         progress=progress,
     )
-    polyhedra = find_polyhedra(planes, scan.points, facing=seen.has_origins)
+    flat, labels = planes.planes, planes.labels
+    curved: tuple[CurvedSurface, ...] = ()
+    rounds: list[FoundSolid] = []
+    kinds = [kind for kind in how.kinds if kind != "plane"]
+    if kinds:
+        found = detect_surfaces(seen, sigma=sigma, rng=rng, kinds=kinds, n_jobs=n_jobs)
+        curved = tuple(each for each in found if not isinstance(each, Plane))
+        rounds = round_solids(curved, flat, scan.points)
+        if rounds:
+            flat, labels, rounds = _without_tiles(flat, labels, curved, rounds)
+    polyhedra = find_polyhedra(flat, scan.points, facing=seen.has_origins)
     return Detection(
         scan=scan,
         method="planes",
-        planes=planes.planes,
-        labels=planes.labels,
-        solids=polyhedra.solids,
+        planes=flat,
+        labels=labels,
+        solids=(*polyhedra.solids, *rounds),
         arena=None,
         floor=None,
         sigma=planes.sigma,
         settings=planes.settings | {"camera_in_origin": is_of_camera},
         shells=polyhedra.shells,
+        surfaces=curved,
     )
+
+
+def _without_tiles(
+    planes: tuple[Plane, ...],
+    labels: Ints,
+    curved: tuple[CurvedSurface, ...],
+    rounds: list[FoundSolid],
+) -> tuple[tuple[Plane, ...], Ints, list[FoundSolid]]:
+    """Planes but for those that tile round solids, their labels, and the solids that name them."""
+    tiles = tiles_of([curved[i] for solid in rounds for i in solid.surfaces], planes)
+    kept = [i for i, plane in enumerate(planes) if plane not in tiles]
+    numbers = np.full(len(planes) + 1, -1, dtype=np.int64)
+    numbers[kept] = np.arange(len(kept))
+    solids = [replace(each, planes=tuple(numbers[list(each.planes)].tolist())) for each in rounds]
+    return tuple(planes[i] for i in kept), numbers[labels], solids

@@ -10,8 +10,12 @@ from scipy.spatial.transform import Rotation
 from primfit._check import Floats
 from primfit.geometry.products import product
 from primfit.geometry.shapes import Shape, shape_of
-from primfit.polyhedra.found import EQUAL, FoundPolyhedron
+from primfit.solids.found import FoundSolid
 from primfit.solids.polyhedron import Polyhedron
+
+EQUAL = 0.02
+"""Difference of lengths, relative to the size, and of angles, radians, that still counts as none in
+the name of a solid that was found."""
 
 _VAGUE = 0.05, 0.15
 """Differences of lengths, relative to the size, and of angles, that may count as none: of what is
@@ -20,28 +24,30 @@ known well, and of anything."""
 _TOLERANCES = 8
 """How many are tried."""
 
+_PARAMETERS = (
+    *(f"{what}_{axis}" for what in ("center", "rotation") for axis in "xyz"),
+    *("size", "size_2", "size_3"),
+)
+
 _STEP = 1e-6
 """By which vertices are moved to see how a shape follows, relative to the size."""
 
 
 def found_solid(
     solid: Polyhedron, spread: Floats, planes: list[int], observed: list[bool]
-) -> FoundPolyhedron:
+) -> FoundSolid:
     """A solid with the plane of each face, named by the covariance (3v, 3v) of its vertices."""
     deviation = np.sqrt(spread.diagonal().reshape(-1, 3).sum(axis=1).max())
     extent = float(np.ptp(solid.vertices, axis=0).max())
     most = float(np.clip(3.0 * deviation / extent, *_VAGUE))
     shape, covariance = _named(solid, spread, most)
-    return FoundPolyhedron(
-        kind=shape.kind,
-        vertices=solid.vertices,
-        faces=solid.faces,
+    return FoundSolid(
+        solid=solid,
+        shape=shape,
+        parameters=_PARAMETERS[: len(covariance)],
+        covariance=covariance,
         planes=tuple(planes),
         observed=tuple(observed),
-        size=shape.size,
-        quat_xyzw=Rotation.from_matrix(shape.rotations[0]).as_quat(canonical=True),
-        footprint=shape.footprint,
-        covariance=covariance,
     )
 
 

@@ -26,7 +26,8 @@ from primfit.clouds.foreign import PointsLike, points_of
 from primfit.geometry import shells
 from primfit.geometry.extrusions import prism_faces
 from primfit.geometry.faces import FlatFaced, check_flat, moments, triangles_of, winding_number
-from primfit.geometry.footprints import angle_of, clean_footprint, regular_footprint
+from primfit.geometry.footprints import clean_footprint, regular_footprint
+from primfit.geometry.motions import Motion
 from primfit.geometry.products import product
 from primfit.geometry.shapes import Shape, shape_of
 from primfit.geometry.shells import FLAT
@@ -192,7 +193,8 @@ class Polyhedron(FlatFaced, Solid):
         return cls(turned + as_vector("center", center, 3), tuple(faces))
 
     @cached_property
-    def _shape(self) -> Shape:
+    def shape(self) -> Shape:
+        """What it is, as one value."""
         return shape_of(self.vertices, self.faces)
 
     @property
@@ -204,7 +206,7 @@ class Polyhedron(FlatFaced, Solid):
         "pyramid" (any base, upright or leaning), "frustum" (a pyramid cut off parallel to its
         base), "prism" (any other, right or leaning), or "polyhedron".
         """
-        return self._shape.kind
+        return self.shape.kind
 
     @property
     def size(self) -> float | tuple[float, ...]:
@@ -212,7 +214,7 @@ class Polyhedron(FlatFaced, Solid):
 
         Of an upright prism the size of its footprint (see `Prism.size`).
         """
-        return self._shape.size
+        return self.shape.size
 
     @property
     def solid_kind(self) -> str:
@@ -221,7 +223,7 @@ class Polyhedron(FlatFaced, Solid):
         "box", "cube", "wedge", "pyramid", "frustum", "prism" or "polyhedron", as `kind`; a right
         prism over what stands for a circle is a "cylinder".
         """
-        return self._shape.solid_kind
+        return self.shape.solid_kind
 
     @property
     def dimensions(self) -> tuple[float, float, float]:
@@ -231,7 +233,7 @@ class Polyhedron(FlatFaced, Solid):
         those of the rectangle around it as seen along the height. Those of a box are its sides,
         descending.
         """
-        return self._shape.dimensions
+        return self.shape.dimensions
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -247,23 +249,28 @@ class Polyhedron(FlatFaced, Solid):
         around it has the least perimeter, the longest of such. Among orientations that look alike
         it is the one that turns least.
         """
-        return Rotation.from_matrix(self._shape.rotations[0]).as_quat(canonical=True)
+        return Rotation.from_matrix(self.shape.rotations[0]).as_quat(canonical=True)
+
+    @property
+    def rotation(self) -> Floats:
+        """Own axes as columns (3, 3) (see `quat_xyzw`)."""
+        return self.shape.rotations[0].copy()
 
     @property
     def symmetry(self) -> Floats:
         """Turns (s, 3, 3) about the centroid that lay the solid onto itself; the first is none."""
-        rotations = self._shape.rotations
+        rotations = self.shape.rotations
         return np.einsum("ij,skj->sik", rotations[0], rotations)
 
     @property
     def footprint(self) -> Floats | None:
         """Corners (m, 2), metres, of an upright prism; None for other solids."""
-        return self._shape.footprint
+        return self.shape.footprint
 
     @property
     def angle(self) -> float:
         """Yaw of the footprint of an upright prism, radians (see `Prism.angle`); NaN for others."""
-        return np.nan if self.footprint is None else angle_of(self.footprint)
+        return self.shape.angle
 
     @property
     def base(self) -> float:
@@ -320,9 +327,14 @@ class Polyhedron(FlatFaced, Solid):
         """Vertices (v, 3) and triangles (t, 3), counter-clockwise from outside."""
         return self.vertices.copy(), self._mesh.copy()
 
-    def moved(self, offset: ArrayLike) -> Polyhedron:
-        """The polyhedron moved by a vector (3,), metres."""
-        return Polyhedron(self.vertices + as_vector("offset", offset, 3), self.faces)
+    def laid(self, motion: Motion, rise: float = 0.0) -> Polyhedron:
+        """The polyhedron where a motion about the vertical, and a `rise`, metres, bring it."""
+        vertices = np.column_stack([motion.of(self.vertices[:, :2]), self.vertices[:, 2] + rise])
+        # What was checked once stays right, however coarse the numbers are over there.
+        moved = object.__new__(Polyhedron)
+        object.__setattr__(moved, "vertices", vertices)
+        object.__setattr__(moved, "faces", self.faces)
+        return moved
 
     def to_dict(self) -> dict[str, Any]:
         """The polyhedron as plain numbers, for JSON."""

@@ -23,8 +23,8 @@ from primfit._check import (
 from primfit.clouds.foreign import PointsLike, points_of
 from primfit.geometry import footprints
 from primfit.geometry.extrusions import prism_faces, prism_triangles, prism_vertices
-from primfit.geometry.products import product
-from primfit.geometry.shapes import dimensions_of
+from primfit.geometry.motions import Motion
+from primfit.geometry.shapes import shape_of, upright_dimensions, upright_name
 from primfit.solids.solid import Solid
 
 
@@ -68,6 +68,15 @@ class Prism(Solid):
         object.__setattr__(self, "footprint", footprints.clean_footprint(self.footprint))
         object.__setattr__(self, "height", number("height", self.height, above=0.0))
         object.__setattr__(self, "base", number("base", self.base))
+
+    @classmethod
+    def as_found(cls, footprint: Floats, height: float, base: float) -> Prism:
+        """What was found, which is not checked: its outline may cross itself."""
+        prism = object.__new__(cls)
+        found = {"footprint": np.array(footprint), "height": height, "base": base}
+        for name, value in found.items():
+            object.__setattr__(prism, name, value)
+        return prism
 
     @classmethod
     def regular(
@@ -161,27 +170,17 @@ class Prism(Solid):
     @property
     def solid_kind(self) -> str:
         """Class name, the same at any tilt: "box", "cube", "wedge", "cylinder" or "prism"."""
-        if self.kind == "square":
-            is_cube = abs(self.height - self.size) <= footprints.TOLERANCE * self.height  # type: ignore[operator]
-            return "cube" if is_cube else "box"
-        if len(self.footprint) == 3:
-            return "wedge"
-        return {"rectangle": "box", "circle": "cylinder"}.get(self.kind, "prism")
+        return upright_name(self.kind, len(self.footprint), self.size, self.height)
 
     @property
     def dimensions(self) -> tuple[float, float, float]:
         """Length, width and height along its own axes, metres (see `Polyhedron.dimensions`)."""
-        if self.kind == "circle":
-            diameter = 2.0 * float(self.size)  # type: ignore[arg-type]
-            return diameter, diameter, self.height
-        if self.kind in ("square", "rectangle"):
-            high, middle, low = sorted(
-                [*np.broadcast_to(self.size, 2).tolist(), self.height], reverse=True
-            )
-            return high, middle, low
-        frame = footprints.rectangle_frame(self.footprint)
-        corners = prism_vertices(product(self.footprint, frame.T), 0.0, self.height)
-        return dimensions_of(corners, self.solid_kind)
+        return upright_dimensions(self.kind, self.footprint, self.size, self.height)
+
+    @property
+    def rotation(self) -> Floats:
+        """Own axes as columns (3, 3) (see `Polyhedron.quat_xyzw`)."""
+        return shape_of(self.vertices, self.faces).rotations[0]
 
     @property
     def angle(self) -> float:
@@ -250,6 +249,10 @@ class Prism(Solid):
     def to_mesh(self) -> tuple[Floats, Ints]:
         """Vertices (2m, 3) and triangles (t, 3), counter-clockwise from outside."""
         return self.vertices, prism_triangles(self.footprint)
+
+    def laid(self, motion: Motion, rise: float = 0.0) -> Prism:
+        """The prism where a motion about the vertical, and a `rise`, metres, bring it."""
+        return self.as_found(motion.of(self.footprint), self.height, self.base + rise)
 
     def to_dict(self) -> dict[str, Any]:
         """The prism as plain numbers, for JSON."""

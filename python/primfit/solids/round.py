@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from primfit._check import Bools, Floats, Ints, as_floats, as_vector, check_finite, integer
 from primfit.clouds.foreign import PointsLike, points_of
 from primfit.geometry.footprints import TOLERANCE
+from primfit.geometry.motions import Motion, turned
 from primfit.geometry.products import lengths_of, product
 from primfit.geometry.revolution import circle_points, fans, frame_about, revolved
 from primfit.solids.solid import Solid
@@ -100,6 +101,11 @@ class Round(Solid):
         return (ends - wide).min(axis=0), (ends + wide).max(axis=0)
 
     @property
+    def rotation(self) -> Floats:
+        """Own axes as columns (3, 3): z is the axis."""
+        return frame_about(self.axis).T.copy()
+
+    @property
     def normals(self) -> Floats:
         """Outward unit normals (f, 3) of the flat ends."""
         return np.empty((0, 3))
@@ -171,9 +177,11 @@ class Round(Solid):
         )
         return product(revolved(fine, SEGMENTS)[0], frame_about(self.axis)) + self.center
 
-    def moved(self, offset: ArrayLike) -> Self:
-        """The solid moved by a vector (3,), metres."""
-        return self.placed(self.center + as_vector("offset", offset, 3), self.axis)
+    def laid(self, motion: Motion, rise: float = 0.0) -> Self:
+        """The solid where a motion about the vertical, and a `rise`, metres, bring it."""
+        center = np.append(motion.of(self.center[None, :2])[0], self.center[2] + rise)
+        axis = np.append(turned(self.axis[None, :2], motion.turn)[0], self.axis[2])
+        return self.placed(center, axis)
 
     def placed(self, center: ArrayLike, axis: ArrayLike) -> Self:
         """The same solid with its centre and axis elsewhere."""

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+import numpy as np
 import shapely
+from numpy.typing import ArrayLike
 
-from primfit._check import Bools, Floats, Ints
+from primfit._check import Bools, Floats, Ints, as_vector
 from primfit.clouds.foreign import PointsLike
+from primfit.geometry.motions import Motion
+from primfit.geometry.shapes import Shape
 
 
 class Solid(ABC):
@@ -102,6 +106,31 @@ class Solid(ABC):
 
     @property
     @abstractmethod
+    def rotation(self) -> Floats:
+        """Own axes as columns (3, 3): z from the base into the solid, x along the base."""
+
+    @property
+    def shape(self) -> Shape:
+        """What it is, as one value."""
+        return Shape(
+            self.kind,
+            self.footprint,
+            self.angle,
+            self.size,
+            self.solid_kind,
+            self.dimensions,
+            self.rotation[None],
+        )
+
+    @property
+    def T_world_solid(self) -> Floats:
+        """Pose (4, 4): the own axes, and `center` as their origin."""
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = self.rotation, self.center
+        return pose
+
+    @property
+    @abstractmethod
     def normals(self) -> Floats:
         """Outward unit normals (f, 3) of what is flat of its surface."""
 
@@ -117,6 +146,15 @@ class Solid(ABC):
     @abstractmethod
     def to_mesh(self) -> tuple[Floats, Ints]:
         """Vertices (v, 3) and triangles (t, 3), counter-clockwise from outside."""
+
+    @abstractmethod
+    def laid(self, motion: Motion, rise: float = 0.0) -> Self:
+        """The solid where a motion about the vertical, and a `rise`, metres, bring it."""
+
+    def moved(self, offset: ArrayLike) -> Self:
+        """The solid moved by a vector (3,), metres."""
+        x, y, z = as_vector("offset", offset, 3)
+        return self.laid(Motion(0.0, np.array([x, y])), float(z))
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -111,6 +111,18 @@ class FoundSurface(ABC):
             return Patch(tuple(loop + offset for loop in patch.loops), patch.area)
 
         return replaced(self, **place, patch=mapped(self, "patch", shifted))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The surface as plain numbers, for JSON."""
+        left_out = ("inliers", "covariance", "patch")
+        values = {
+            each.name: getattr(self, each.name)
+            for each in fields(self)
+            if each.name not in left_out
+        }
+        plain = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+        told = {"kind": self.kind, "n_inliers": len(self.inliers), "area": self.area}
+        return told | plain | {"sigmas": self.sigmas}
 
     def _told(self, what: str) -> str:
         side = {True: ", convex", False: ", concave", None: ""}[self.is_convex]

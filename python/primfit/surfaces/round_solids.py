@@ -1,0 +1,336 @@
+"""Solids that curved surfaces close, alone or with flat ends: balls, pipes, cans, rings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+from primfit._check import Floats, Ints
+from primfit.geometry.footprints import ellipse_footprint
+from primfit.geometry.products import dots, lengths_of, product
+from primfit.geometry.shapes import Shape
+from primfit.planes.plane import Plane
+from primfit.solids.found import FoundSolid
+from primfit.solids.frusta import Cone, Cylinder
+from primfit.solids.round import Round
+from primfit.solids.sphere import Sphere
+from primfit.solids.torus import Torus
+from primfit.surfaces.kinds import (
+    N_PARAMETERS,
+    ConeSurface,
+    CurvedSurface,
+    CylinderSurface,
+    SphereSurface,
+    TorusSurface,
+)
+
+_LEAST_ARC = 2.0 * np.pi / 3.0
+"""Least angle about the axis, radians, that must be seen of a pipe: as much is in view from two
+radii off its axis. A rounded edge of a box shows a quarter of a turn."""
+
+_LEAST_SHARE = 0.25
+"""Least share of a sphere's area that must be seen of a ball: as much is in view from two radii off
+its centre."""
+
+_LEAST_TURN = 1.5 * np.pi
+"""Least angle about the axis, radians, of a ring: the bends of pipes turn by half at most."""
+
+_EQUAL = 0.02
+"""Share of a radius, and angle, radians, that counts as none, as in the names of found solids."""
+
+_SIGMAS = 3.0
+
+_STRANGE = 0.01
+"""Share of its points that may be inside: outliers."""
+
+_EXACT = 1e-9
+"""Share of the size by which points are off at least: coordinates are rounded."""
+
+_STEP = 1e-6
+"""Share of a number by which it is moved to see what follows."""
+
+
+@dataclass(frozen=True)
+class _End:
+    """Where a solid ends along its axis, counted from the place of its surface, metres."""
+
+    height: float
+    variance: float
+    plane: int = -1
+    is_seen: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Wall:
+    """A plane with its outline, holes cut out, in its own axes (3, 2)."""
+
+    number: int
+    equation: Floats
+    covariance: Floats
+    axes: Floats
+    polygon: shapely.Polygon
+    reach: float
+
+    @classmethod
+    def of(cls, number: int, plane: Plane) -> _Wall:
+        normal = plane.equation[:3]
+        x = np.cross(np.eye(3)[np.abs(normal).argmin()], normal)
+        x /= lengths_of(x)
+        axes = np.stack([x, np.cross(normal, x)], axis=1)
+        loops = [product(loop, axes) for loop in (plane.boundary, *plane.holes)]
+        outline = shapely.Polygon(loops[0], loops[1:]) if plane.area > 0.0 else shapely.Polygon()
+        spacing = float(np.sqrt(plane.area / max(len(plane.inliers), 1)))
+        reach = _SIGMAS * (spacing + plane.rms)
+        return cls(number, plane.equation, plane.covariance, axes, outline.buffer(0.0), reach)
+
+    def disc(self, center: Floats, radius: float) -> shapely.Polygon:
+        """A disc of its own, about the foot of a point."""
+        return shapely.Point(product(center[None], self.axes)[0]).buffer(radius)
+
+
+def round_solids(
+    surfaces: Sequence[CurvedSurface], planes: Sequence[Plane], points: Floats
+) -> list[FoundSolid]:
+    """The closed solids among curved surfaces.
+
+    A surface is that of a solid when it was not seen from inside, as much of it was seen as is in
+    view from two radii away, no other plane runs into it, nothing is within, and the planes that
+    tile it do not explain the points better. It ends at a plane across its axis where there is one,
+    be it its own flat end or the floor on which it stands, else at its last points.
+
+    Parameters
+    ----------
+    surfaces : sequence of SphereSurface, CylinderSurface, ConeSurface and TorusSurface
+    planes : sequence of Plane
+    points : (n, 3) float64, metres
+        The cloud of whose rows their `inliers` are.
+
+    Returns
+    -------
+    list of FoundSolid
+        Their `planes` are the flat ends, base and top, -1 for none.
+    """
+    walls = [_Wall.of(number, plane) for number, plane in enumerate(planes)]
+    found = []
+    for number, surface in enumerate(surfaces):
+        if surface.is_convex is False or not _shows_enough(surface):
+            continue
+        ends = _ends(surface, points, walls)
+        solid, parameters, covariance = _closed(surface, ends)
+        own = [end.plane for end in ends]
+        if _is_cut(solid, surface, [wall for wall in walls if wall.number not in own]):
+            continue
+        if _holds_others(solid, surface, points) or not _explains_more(solid, surface, planes):
+            continue
+        found.append(
+            FoundSolid(
+                solid=solid,
+                shape=_shape(solid),
+                parameters=parameters,
+                covariance=covariance,
+                planes=tuple(own),
+                observed=(True, *(end.is_seen for end in ends)),
+                surfaces=(number,),
+            )
+        )
+    return found
+
+
+def _shows_enough(surface: CurvedSurface) -> bool:
+    if isinstance(surface, SphereSurface):
+        return surface.area >= _LEAST_SHARE * 4.0 * np.pi * surface.radius**2
+    if isinstance(surface, TorusSurface):
+        return surface.arc >= _LEAST_TURN and surface.radius < surface.major_radius
+    return surface.arc >= _LEAST_ARC
+
+
+def _ends(surface: CurvedSurface, points: Floats, walls: list[_Wall]) -> list[_End]:
+    """Lower and upper end along the axis of what has ends."""
+    if not isinstance(surface, CylinderSurface | ConeSurface):
+        return []
+    place = surface.center if isinstance(surface, CylinderSurface) else surface.apex
+    heights = np.sort(dots(points[surface.inliers] - place, surface.axis))
+    spacing = float(np.sqrt(surface.area / len(heights)))
+    ends = []
+    for side, rising in ((-1.0, -heights[::-1]), (1.0, heights)):
+        outer = rising[rising >= (rising[0] + rising[-1]) / 2.0]
+        gap = max(float(np.diff(outer).max(initial=0.0)), spacing)
+        last = side * float(rising[-1])
+        if isinstance(surface, ConeSurface) and side < 0.0 and last <= gap:
+            ends.append(_End(0.0, 0.0))
+            continue
+        # The end is as likely anywhere up to where the next points would have been.
+        free = _End(last, gap**2 / 3.0)
+        ends.append(_at_plane(surface, place, free, gap, walls) or free)
+    return ends
+
+
+def _at_plane(
+    surface: CylinderSurface | ConeSurface,
+    place: Floats,
+    end: _End,
+    gap: float,
+    walls: list[_Wall],
+) -> _End | None:
+    """The end at the plane across the axis that is nearest to the last points, if there is one."""
+    axis, best = surface.axis, None
+    axis_variance = float(np.trace(surface.covariance[3:6, 3:6]))
+    for wall in walls:
+        normal = wall.equation[:3]
+        deviation = np.sqrt(axis_variance + np.trace(wall.covariance[:3, :3]))
+        tilt = float(lengths_of(np.cross(normal, axis)))
+        if tilt > max(_EQUAL, _SIGMAS * deviation):
+            continue
+        along = float(normal @ axis)
+        height = -float(normal @ place + wall.equation[3]) / along
+        reach = wall.reach + gap + _SIGMAS * surface.rms
+        if abs(height - end.height) > reach or (best and _off(end, best) <= _off(end, height)):
+            continue
+        middle = place + height * axis
+        disc = wall.disc(middle, _radius_at(surface, height))
+        if wall.polygon.distance(disc) > reach:
+            continue
+        row = np.append(middle, 1.0) / along
+        variance = float(row @ wall.covariance @ row)
+        is_seen = wall.polygon.intersection(disc).area >= 0.5 * disc.area
+        best = _End(height, variance, wall.number, bool(is_seen))
+    return best
+
+
+def _off(end: _End, other: _End | float) -> float:
+    return abs(end.height - (other.height if isinstance(other, _End) else other))
+
+
+def _radius_at(surface: CylinderSurface | ConeSurface, height: float) -> float:
+    if isinstance(surface, CylinderSurface):
+        return surface.radius
+    return max(height, 0.0) * float(np.tan(surface.angle))
+
+
+def _closed(surface: CurvedSurface, ends: list[_End]) -> tuple[Round, tuple[str, ...], Floats]:
+    """The solid of a surface between its ends, what is known of it, and how well."""
+    heights = np.array([end.height for end in ends])
+    told = np.concatenate([surface.parameters, heights])
+    spread = np.zeros((len(told), len(told)))
+    n = len(surface.parameters)
+    spread[:n, :n] = surface.covariance
+    spread[range(n, len(told)), range(n, len(told))] = [end.variance for end in ends]
+    values = _values(surface, told)
+    steps = _STEP * np.maximum(np.abs(told), 1.0)
+    jacobian = np.stack(
+        [(_values(surface, told + step) - values) / step.max() for step in np.diag(steps)], axis=1
+    )
+    center, axis, sizes = values[:3], values[3:6], values[6:]
+    # A change of the axis is a turn about what is across both.
+    turn = np.cross(axis, jacobian[3:6].T).T
+    names = tuple(f"center_{x}" for x in "xyz")
+    rows = [jacobian[:3], turn, jacobian[6:]]
+    if isinstance(surface, SphereSurface):
+        solid: Round = Sphere(float(sizes[0]), center)
+        names, rows = (*names, "radius"), [rows[0], rows[2]]
+    else:
+        names += tuple(f"rotation_{x}" for x in "xyz")
+        if isinstance(surface, CylinderSurface):
+            radius, height = sizes.tolist()
+            solid, lengths = Cylinder(radius, height, center, axis), ["radius", "height"]
+        elif isinstance(surface, TorusSurface):
+            major, minor = sizes.tolist()
+            solid, lengths = Torus(major, minor, center, axis), ["major_radius", "radius"]
+        else:
+            radius, height, top = sizes.tolist()
+            solid = Cone(radius, height, center, axis, top_radius=top)
+            lengths = ["radius", "height", "top_radius"][: 3 if top > 0.0 else 2]
+            rows[2] = rows[2][: len(lengths)]
+        names = (*names, *lengths)
+    change = np.concatenate(rows)
+    return solid, names, product(product(change, spread), change.T)
+
+
+def _shape(solid: Round) -> Shape:
+    """What the solid is: what leans by nothing that counts is upright."""
+    shape = solid.shape
+    if isinstance(solid, Cylinder) and abs(solid.axis[2]) >= 1.0 - _EQUAL**2:
+        outline = ellipse_footprint(solid.radius, solid.radius, solid.center[:2], 0.0)
+        return replace(shape, kind="circle", footprint=outline, angle=0.0, size=solid.radius)
+    return shape
+
+
+def _values(surface: CurvedSurface, told: Floats) -> Floats:
+    """Centre, axis and lengths of the solid from the numbers of its surface and its ends."""
+    place, axis = told[:3], told[3:6]
+    if isinstance(surface, SphereSurface):
+        return np.concatenate([place, [0.0, 0.0, 1.0], told[3:]])
+    if isinstance(surface, TorusSurface):
+        return told
+    size, (low, high) = told[6], told[7:]
+    middle = place + 0.5 * (low + high) * axis
+    if isinstance(surface, CylinderSurface):
+        return np.concatenate([middle, axis, [size, high - low]])
+    slope = np.tan(size)
+    return np.concatenate([middle, -axis, [high * slope, high - low, low * slope]])
+
+
+def _is_cut(solid: Round, surface: CurvedSurface, walls: list[_Wall]) -> bool:
+    """Whether a plane runs up to where it would be within the solid, as to a half column."""
+    for wall in walls:
+        off = product(solid.vertices, wall.equation[:3, None])[:, 0] + wall.equation[3]
+        deep = min(float(off.max()), float(-off.min()))
+        if deep <= _EQUAL * max(solid.dimensions) + _SIGMAS * surface.rms:
+            continue
+        section = _section(solid.vertices, solid.faces, off)
+        within = shapely.MultiPoint(product(section, wall.axes)).convex_hull
+        if wall.polygon.distance(within) <= wall.reach:
+            return True
+    return False
+
+
+def _section(vertices: Floats, faces: tuple[Ints, ...], off: Floats) -> Floats:
+    """Where edges meet a plane (k, 3), from the distances of the vertices to it."""
+    starts = np.concatenate(faces)
+    ends = np.concatenate([np.roll(face, -1) for face in faces])
+    crossing = (off[starts] < 0.0) != (off[ends] < 0.0)
+    starts, ends = starts[crossing], ends[crossing]
+    share = off[starts] / (off[starts] - off[ends])
+    return vertices[starts] + share[:, None] * (vertices[ends] - vertices[starts])
+
+
+def _holds_others(solid: Round, surface: CurvedSurface, points: Floats) -> bool:
+    """Whether more points than outliers are inside, as those of a bowl's other side are."""
+    low, high = solid.bounds
+    near = points[((points > low) & (points < high)).all(axis=1)]
+    deep = _EQUAL * min(solid.dimensions) + _SIGMAS * surface.rms
+    inside = (solid.surfaces(near)[0] < -deep).all(axis=1).sum()
+    return bool(inside > _STRANGE * len(surface.inliers))
+
+
+def _explains_more(solid: Round, surface: CurvedSurface, planes: Sequence[Plane]) -> bool:
+    """Whether the surface tells more of the points than the planes that tile it.
+
+    By the length of the shortest description: a point on a surface costs the logarithm of the
+    width in which it lies, one on none that of the whole solid, and a parameter half the logarithm
+    of the number of points (Rissanen, Modeling by shortest data description, 1978).
+    """
+    tiles = tiles_of([surface], planes)
+    on_any = np.unique(np.concatenate([surface.inliers, *(tile.inliers for tile in tiles)]))
+    size = max(solid.dimensions)
+
+    def cost(parts: Sequence[CurvedSurface | Plane], n_parameters: int) -> float:
+        on = [len(part.inliers) for part in parts]
+        widths = [max(part.rms / size, _EXACT) * np.sqrt(2.0 * np.pi * np.e) for part in parts]
+        price = float(np.dot(on, np.log(np.minimum(widths, 1.0)))) if parts else 0.0
+        return price + 0.5 * n_parameters * float(np.log(len(on_any)))
+
+    return cost([surface], N_PARAMETERS[surface.kind]) < cost(tiles, 3 * len(tiles))
+
+
+def tiles_of(surfaces: Sequence[CurvedSurface], planes: Sequence[Plane]) -> list[Plane]:
+    """Planes more than half of whose points are on some surfaces."""
+    on_it = [surface.inliers for surface in surfaces]
+    return [
+        plane
+        for plane in planes
+        if 2 * np.isin(plane.inliers, np.concatenate(on_it)).sum() > len(plane.inliers)
+    ]
