@@ -13,6 +13,7 @@ from .planes.detection import detect_planes
 from .planes.plane import Plane, Planes
 from .polyhedra.assembly import find_polyhedra
 from .polyhedra.box_fit import BoxFit, fit_box
+from .polyhedra.detection import PlaneSettings
 from .polyhedra.found import Polyhedra
 from .results import Contradiction, Detection, FoundArena
 from .scans.bags import read_clouds, read_scan
@@ -60,6 +61,7 @@ __all__ = [
     "LikelihoodSettings",
     "PaperSettings",
     "Plane",
+    "PlaneSettings",
     "Planes",
     "Polyhedra",
     "Polyhedron",

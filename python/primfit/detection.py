@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
 from inspect import signature
 from typing import Any, Literal, TypedDict, Unpack, overload
 
@@ -18,15 +18,37 @@ from primfit.likelihood.detection import detect_likelihood
 from primfit.likelihood.settings import LikelihoodSettings
 from primfit.paper.detection import PaperSettings, detect_paper
 from primfit.planes.scan_planes import Progress
-from primfit.polyhedra.detection import detect_by_planes
+from primfit.polyhedra.detection import PlaneSettings, detect_by_planes
 from primfit.results import Detection
 from primfit.scans.recorded import as_scan
 from primfit.scans.scan import Scan
 
-_METHODS: dict[str, Callable[..., Detection]] = {
-    "likelihood": detect_likelihood,
-    "planes": detect_by_planes,
-    "paper": detect_paper,
+Settings = LikelihoodSettings | PlaneSettings | PaperSettings
+"""How a method runs; each is that of one method."""
+
+
+@dataclass(frozen=True)
+class _Method:
+    """A kind of settings, and the function that detects by them.
+
+    The function takes a scan that is near the origin and has a point or a miss in each row, `rng`,
+    and as keywords `settings`, `sigma`, `n_jobs`, `progress` and what it wants to know of the scan.
+    """
+
+    settings: type[Settings]
+    function: Callable[..., Detection]
+
+    @property
+    def options(self) -> list[str]:
+        """What may be given by keyword."""
+        parameters = signature(self.function).parameters
+        return [name for name, each in parameters.items() if each.kind == each.KEYWORD_ONLY]
+
+
+_METHODS = {
+    "likelihood": _Method(LikelihoodSettings, detect_likelihood),
+    "planes": _Method(PlaneSettings, detect_by_planes),
+    "paper": _Method(PaperSettings, detect_paper),
 }
 
 
@@ -41,10 +63,14 @@ class _Common(TypedDict, total=False):
 
 class _OfLikelihood(_Common, total=False):
     tolerance: float | None
+    pose_sigma: ArrayLike | None
+    step_sigma: ArrayLike | None
+    estimate: Collection[str]
     settings: LikelihoodSettings | None
 
 
 class _OfPlanes(_Common, total=False):
+    settings: PlaneSettings | None
     orientation: Any
     max_angle: float | None
     threshold: float | None
@@ -57,9 +83,16 @@ class _OfPaper(_Common, total=False):
     settings: PaperSettings | None
 
 
-class _OfAny(_OfPlanes, total=False):
+class _OfAny(_Common, total=False):
+    orientation: Any
+    max_angle: float | None
+    threshold: float | None
+    min_points: int | None
     tolerance: float | None
-    settings: LikelihoodSettings | PaperSettings | None
+    pose_sigma: ArrayLike | None
+    step_sigma: ArrayLike | None
+    estimate: Collection[str]
+    settings: Settings | None
 
 
 @overload
@@ -82,12 +115,16 @@ def detect(
 
 @overload
 def detect(
-    scan: Scan | PointsLike, method: None = None, **options: Unpack[_OfAny]
+    scan: Scan | PointsLike, method: Settings | None = None, **options: Unpack[_OfAny]
 ) -> Detection: ...
 
 
 def detect(
-    scan: Scan | PointsLike, method: str | None = None, *, rng: Any = None, **options: Any
+    scan: Scan | PointsLike,
+    method: str | Settings | None = None,
+    *,
+    rng: Any = None,
+    **options: Any,
 ) -> Detection:
     """Planes and solids of a scan.
 
@@ -96,21 +133,23 @@ def detect(
     scan : Scan, or (n, 3) or (h, w, 3) float64, metres, or whatever `as_cloud` takes
         The raw scan, floor returns included, or a cloud, bare or organised, or the path of either.
         Rows without a point, as those of depth cameras (see `Scan.from_points`), get label -1.
-    method : str or None
+    method : str, LikelihoodSettings, PlaneSettings, PaperSettings or None
+        Its name, or its settings, which name it.
         "likelihood": solids that explain all ranges, returned or not, which stands noise as large
         as the solids (see `detect_likelihood`); it asks where the beams began, and should know how
         far the sensor sees.
-        "planes": planes in any direction, and the solids that they enclose, in any position and of
-        any shape (see `detect_by_planes`).
+        "planes": planes in any direction and curved surfaces, and the solids that they enclose, in
+        any position and of any shape (see `detect_by_planes`).
         "paper": RANSAC, DBSCAN, intersections and cycles, with repairs (see `detect_paper`): for
         upright solids; where nobody saw their tops, it tells more of them than "planes".
         None is what `choose_method` says.
     rng : None, int or numpy.random.Generator
         Same `rng`, same result, at any number of threads.
     **options
-        Of the method: `sigma`, `n_jobs` and `progress` of each; of "planes" and "paper"
-        `orientation` and `max_angle`; `threshold` and `min_points` of "planes"; `tolerance` of
-        "likelihood"; `settings` of "likelihood" and "paper". The page of each method tells of them.
+        Of the method: `settings`, `sigma`, `n_jobs` and `progress` of each; of "planes" and "paper"
+        `orientation` and `max_angle`; `threshold` and `min_points` of "planes"; `tolerance`,
+        `pose_sigma`, `step_sigma` and `estimate` of "likelihood". The page of each method tells of
+        them.
 
     Returns
     -------
@@ -122,7 +161,7 @@ def detect(
     ValueError
         When the method is unknown, or the scan is empty or not finite.
     TypeError
-        When the method does not know an option.
+        When the method does not know an option, or both it and an option are settings.
 
     Examples
     --------
@@ -131,7 +170,14 @@ def detect(
     >>> scan = primfit.scan(world, primfit.grid_path(world, 0.25, rng=7), rng=7)
     >>> primfit.detect(scan, rng=7)
     Detection(1 solid: square; an arena; 8 planes; sigma 0 mm)
+    >>> primfit.detect(scan, primfit.PlaneSettings(min_points=30), rng=7).method
+    'planes'
     """
+    if method is not None and not isinstance(method, str):
+        if options.get("settings") is not None:
+            raise TypeError("settings must not be given twice, as method and as settings")
+        options["settings"] = method
+        method = _named_by(method)
     recorded = as_scan(scan)
     rows = None
     whole = recorded
@@ -143,21 +189,29 @@ def detect(
     else:
         choice("method", method, list(_METHODS))
         reason = "asked for"
-    known = _options(method)
+    known = _METHODS[method].options
     for name in options:
         if name not in known:
-            others = [repr(each) for each in _METHODS if name in _options(each)]
+            others = [repr(each) for each, other in _METHODS.items() if name in other.options]
             hint = f", which {' and '.join(others)} would take" if others else ""
             raise TypeError(
                 f"options of method={method!r} are {', '.join(known)}; not {name}{hint} "
                 f"(why this method: {reason})"
             )
     offset = recorded.far_offset
-    found = _METHODS[method](recorded.moved(-offset), rng, **options)
+    found = _METHODS[method].function(recorded.moved(-offset), rng, **options)
     if rows is not None:
         found = _of_rows(found, rows, len(whole))
     found = found.moved(offset, whole if found.path is None else _seen(found, rows, whole, offset))
     return replace(found, settings=found.settings | {"method_reason": reason})
+
+
+def _named_by(settings: object) -> str:
+    for name, method in _METHODS.items():
+        if isinstance(settings, method.settings):
+            return name
+    known = ", ".join(method.settings.__name__ for method in _METHODS.values())
+    raise TypeError(f"method must be a name, None, or one of {known}; not {settings!r}")
 
 
 def _seen(found: Detection, rows: Ints | None, whole: Scan, offset: Floats) -> Scan:
@@ -220,8 +274,3 @@ def choose_method(scan: Scan | PointsLike) -> tuple[str, str]:
             return "likelihood", "upright walls, no tops seen, and origins of the beams are known"
         return "paper", "a cloud of upright walls, no tops seen"
     return "planes", "a cloud not of upright walls alone"
-
-
-def _options(method: str) -> list[str]:
-    parameters = signature(_METHODS[method]).parameters
-    return [name for name, each in parameters.items() if each.kind == each.KEYWORD_ONLY]

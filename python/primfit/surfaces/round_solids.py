@@ -38,10 +38,20 @@ its centre."""
 _LEAST_TURN = 1.5 * np.pi
 """Least angle about the axis, radians, of a ring: the bends of pipes turn by half at most."""
 
+_COARSEST = 0.05
+"""Most noise of a solid, as a share of its radius, or of the height of a cone: beyond it the bias
+of the last fit nears its standard deviation (docs/surfaces.md), and clutter passes for round."""
+
 _EQUAL = 0.02
 """Share of a radius, and angle, radians, that counts as none, as in the names of found solids."""
 
 _SIGMAS = 3.0
+
+_RIM = 4.0
+"""Standard deviations from the side within which a point of a flat end may be the side's."""
+
+_FEWEST = 10
+"""Points of a flat end by which it is known better than by its plane."""
 
 _STRANGE = 0.01
 """Share of its points that may be inside: outliers."""
@@ -53,11 +63,11 @@ _STEP = 1e-6
 """Share of a number by which it is moved to see what follows."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _End:
-    """Where a solid ends along its axis, counted from the place of its surface, metres."""
+    """Where a solid ends across its axis: at a place (3,), or at the apex of its cone."""
 
-    height: float
+    place: Floats | None
     variance: float
     plane: int = -1
     is_seen: bool = False
@@ -85,6 +95,11 @@ class _Wall:
         spacing = float(np.sqrt(plane.area / max(len(plane.inliers), 1)))
         reach = _SIGMAS * (spacing + plane.rms)
         return cls(number, plane.equation, plane.covariance, axes, outline.buffer(0.0), reach)
+
+    def height(self, place: Floats, axis: Floats) -> float:
+        """How far from a place the line along an axis meets it, metres."""
+        equation = self.equation
+        return -float(equation[:3] @ place + equation[3]) / float(equation[:3] @ axis)
 
     def disc(self, center: Floats, radius: float) -> shapely.Polygon:
         """A disc of its own, about the foot of a point."""
@@ -118,12 +133,18 @@ def round_solids(
     for number, surface in enumerate(surfaces):
         if surface.is_convex is False or not _shows_enough(surface):
             continue
-        ends = _ends(surface, points, walls)
+        ends = _ends(surface, points, planes, walls)
         solid, parameters, covariance = _closed(surface, ends)
-        own = [end.plane for end in ends]
-        if _is_cut(solid, surface, [wall for wall in walls if wall.number not in own]):
-            continue
-        if _holds_others(solid, surface, points) or not _explains_more(solid, surface, planes):
+        own = tuple(end.plane for end in ends)
+        tiles = tiles_of([surface], planes)
+        others = [
+            wall for wall in walls if wall.number not in own and planes[wall.number] not in tiles
+        ]
+        if (
+            _is_cut(solid, surface, others)
+            or _holds_others(solid, surface, points)
+            or not _explains_more(solid, surface, tiles)
+        ):
             continue
         found.append(
             FoundSolid(
@@ -131,7 +152,7 @@ def round_solids(
                 shape=_shape(solid),
                 parameters=parameters,
                 covariance=covariance,
-                planes=tuple(own),
+                planes=own,
                 observed=(True, *(end.is_seen for end in ends)),
                 surfaces=(number,),
             )
@@ -140,6 +161,12 @@ def round_solids(
 
 
 def _shows_enough(surface: CurvedSurface) -> bool:
+    if isinstance(surface, ConeSurface):
+        least = min(surface.radii[1], surface.length)
+    else:
+        least = surface.radius
+    if surface.rms > _COARSEST * least:
+        return False
     if isinstance(surface, SphereSurface):
         return surface.area >= _LEAST_SHARE * 4.0 * np.pi * surface.radius**2
     if isinstance(surface, TorusSurface):
@@ -147,7 +174,9 @@ def _shows_enough(surface: CurvedSurface) -> bool:
     return surface.arc >= _LEAST_ARC
 
 
-def _ends(surface: CurvedSurface, points: Floats, walls: list[_Wall]) -> list[_End]:
+def _ends(
+    surface: CurvedSurface, points: Floats, planes: Sequence[Plane], walls: list[_Wall]
+) -> list[_End]:
     """Lower and upper end along the axis of what has ends."""
     if not isinstance(surface, CylinderSurface | ConeSurface):
         return []
@@ -160,48 +189,62 @@ def _ends(surface: CurvedSurface, points: Floats, walls: list[_Wall]) -> list[_E
         gap = max(float(np.diff(outer).max(initial=0.0)), spacing)
         last = side * float(rising[-1])
         if isinstance(surface, ConeSurface) and side < 0.0 and last <= gap:
-            ends.append(_End(0.0, 0.0))
+            ends.append(_End(None, 0.0))
             continue
-        # The end is as likely anywhere up to where the next points would have been.
-        free = _End(last, gap**2 / 3.0)
-        ends.append(_at_plane(surface, place, free, gap, walls) or free)
+        wall = _across(surface, place, last, gap, walls)
+        if wall is None:
+            # The end is as likely anywhere up to where the next points would have been.
+            ends.append(_End(place + last * surface.axis, gap**2 / 3.0))
+        else:
+            ends.append(_at_plane(surface, place, wall, points[planes[wall.number].inliers]))
     return ends
 
 
-def _at_plane(
+def _across(
     surface: CylinderSurface | ConeSurface,
     place: Floats,
-    end: _End,
+    last: float,
     gap: float,
     walls: list[_Wall],
-) -> _End | None:
-    """The end at the plane across the axis that is nearest to the last points, if there is one."""
+) -> _Wall | None:
+    """The plane across the axis that is nearest to the last points, if there is one."""
     axis, best = surface.axis, None
+    nearest = np.inf
     axis_variance = float(np.trace(surface.covariance[3:6, 3:6]))
     for wall in walls:
-        normal = wall.equation[:3]
         deviation = np.sqrt(axis_variance + np.trace(wall.covariance[:3, :3]))
-        tilt = float(lengths_of(np.cross(normal, axis)))
+        tilt = float(lengths_of(np.cross(wall.equation[:3], axis)))
         if tilt > max(_EQUAL, _SIGMAS * deviation):
             continue
-        along = float(normal @ axis)
-        height = -float(normal @ place + wall.equation[3]) / along
+        height = wall.height(place, axis)
         reach = wall.reach + gap + _SIGMAS * surface.rms
-        if abs(height - end.height) > reach or (best and _off(end, best) <= _off(end, height)):
+        if abs(height - last) > min(reach, nearest):
             continue
-        middle = place + height * axis
-        disc = wall.disc(middle, _radius_at(surface, height))
-        if wall.polygon.distance(disc) > reach:
-            continue
-        row = np.append(middle, 1.0) / along
-        variance = float(row @ wall.covariance @ row)
-        is_seen = wall.polygon.intersection(disc).area >= 0.5 * disc.area
-        best = _End(height, variance, wall.number, bool(is_seen))
+        disc = wall.disc(place + height * axis, _radius_at(surface, height))
+        if wall.polygon.distance(disc) <= reach:
+            best, nearest = wall, abs(height - last)
     return best
 
 
-def _off(end: _End, other: _End | float) -> float:
-    return abs(end.height - (other.height if isinstance(other, _End) else other))
+def _at_plane(
+    surface: CylinderSurface | ConeSurface, place: Floats, wall: _Wall, own: Floats
+) -> _End:
+    """The end at a plane with its points: where the axis meets it, or a flat end's middle.
+
+    Of the points of a flat end those near its rim are left out: they may be of the side.
+    """
+    middle = place + wall.height(place, surface.axis) * surface.axis
+    disc = wall.disc(middle, _radius_at(surface, wall.height(place, surface.axis)))
+    row = np.append(middle, 1.0) / float(wall.equation[:3] @ surface.axis)
+    variance = float(row @ wall.covariance @ row)
+    if wall.polygon.intersection(disc).area < 0.5 * disc.area:
+        return _End(middle, variance, wall.number)
+    clear = own[surface.distances(own) < -_RIM * surface.rms]
+    if len(clear) < _FEWEST:
+        return _End(middle, variance, wall.number, is_seen=True)
+    off = dots(clear, surface.axis)
+    variance = float(off.var()) * surface.correlation_area / len(clear)
+    return _End(clear.mean(axis=0), variance, wall.number, is_seen=True)
 
 
 def _radius_at(surface: CylinderSurface | ConeSurface, height: float) -> float:
@@ -212,16 +255,16 @@ def _radius_at(surface: CylinderSurface | ConeSurface, height: float) -> float:
 
 def _closed(surface: CurvedSurface, ends: list[_End]) -> tuple[Round, tuple[str, ...], Floats]:
     """The solid of a surface between its ends, what is known of it, and how well."""
-    heights = np.array([end.height for end in ends])
-    told = np.concatenate([surface.parameters, heights])
+    told = np.concatenate([surface.parameters, np.zeros(len(ends))])
     spread = np.zeros((len(told), len(told)))
     n = len(surface.parameters)
     spread[:n, :n] = surface.covariance
     spread[range(n, len(told)), range(n, len(told))] = [end.variance for end in ends]
-    values = _values(surface, told)
+    values = _values(surface, told, ends)
     steps = _STEP * np.maximum(np.abs(told), 1.0)
     jacobian = np.stack(
-        [(_values(surface, told + step) - values) / step.max() for step in np.diag(steps)], axis=1
+        [(_values(surface, told + step, ends) - values) / step.max() for step in np.diag(steps)],
+        axis=1,
     )
     center, axis, sizes = values[:3], values[3:6], values[6:]
     # A change of the axis is a turn about what is across both.
@@ -258,14 +301,22 @@ def _shape(solid: Round) -> Shape:
     return shape
 
 
-def _values(surface: CurvedSurface, told: Floats) -> Floats:
-    """Centre, axis and lengths of the solid from the numbers of its surface and its ends."""
+def _values(surface: CurvedSurface, told: Floats, ends: list[_End]) -> Floats:
+    """Centre, axis and lengths of the solid, from the numbers of its surface and moves of its ends.
+
+    The ends stay where they were seen when the surface moves.
+    """
     place, axis = told[:3], told[3:6]
     if isinstance(surface, SphereSurface):
         return np.concatenate([place, [0.0, 0.0, 1.0], told[3:]])
     if isinstance(surface, TorusSurface):
         return told
-    size, (low, high) = told[6], told[7:]
+    axis = axis / lengths_of(axis)
+    size = told[6]
+    low, high = (
+        0.0 if end.place is None else float((end.place - place) @ axis) + move
+        for end, move in zip(ends, told[7:].tolist(), strict=True)
+    )
     middle = place + 0.5 * (low + high) * axis
     if isinstance(surface, CylinderSurface):
         return np.concatenate([middle, axis, [size, high - low]])
@@ -306,14 +357,13 @@ def _holds_others(solid: Round, surface: CurvedSurface, points: Floats) -> bool:
     return bool(inside > _STRANGE * len(surface.inliers))
 
 
-def _explains_more(solid: Round, surface: CurvedSurface, planes: Sequence[Plane]) -> bool:
+def _explains_more(solid: Round, surface: CurvedSurface, tiles: Sequence[Plane]) -> bool:
     """Whether the surface tells more of the points than the planes that tile it.
 
     By the length of the shortest description: a point on a surface costs the logarithm of the
     width in which it lies, one on none that of the whole solid, and a parameter half the logarithm
     of the number of points (Rissanen, Modeling by shortest data description, 1978).
     """
-    tiles = tiles_of([surface], planes)
     on_any = np.unique(np.concatenate([surface.inliers, *(tile.inliers for tile in tiles)]))
     size = max(solid.dimensions)
 
