@@ -5,8 +5,8 @@
 "around": one tilted solid in the air, of a kind each scene, seen from 30 places on a sphere with noise
 of 1 % of its size. "resting" and "tilted": four solids of random kinds on the floor of an arena of
 2 x 2 m, on a face or turned anyhow, seen from 0.15, 0.4 and 0.8 m above a grid of places with 3 mm of
-noise; of many a face or two is seen by no beam or by few. Scene i is made from seed rng + i. Errors
-are those of the solids with the right kind; centres are also given as a share of the size.
+noise; of many a face or two is seen by no beam or by few. "round" and "leaning": the same of
+cylinders, cones, spheres and boxes. Scene i is made from seed rng + i. Errors are those of the solids with the right kind; centres are also given as a share of the size.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 import primfit
 from primfit.worlds.random_polyhedra import POLYHEDRA, random_polyhedron
+from primfit.worlds.random_rounds import ROUNDS
 
 
 def around(seed: int) -> tuple[primfit.World, primfit.Scan]:
@@ -43,9 +44,11 @@ def around(seed: int) -> tuple[primfit.World, primfit.Scan]:
     return world, primfit.scan(world, path, lidar, rng=seed)
 
 
-def on_the_floor(seed: int, tilted: bool) -> tuple[primfit.World, primfit.Scan]:
+def on_the_floor(
+    seed: int, tilted: bool, kinds: tuple[str, ...] = tuple(POLYHEDRA)
+) -> tuple[primfit.World, primfit.Scan]:
     """Four solids in an arena, seen from three heights."""
-    world = primfit.random_world(4, 2.0, list(POLYHEDRA), rng=seed, tilted=tilted)
+    world = primfit.random_world(4, 2.0, kinds, rng=seed, tilted=tilted)
     places = primfit.grid_path(world, 0.5, rng=seed)[::2]
     path = np.tile(np.eye(4), (3, len(places), 1, 1))
     path[..., :3, :3] = Rotation.from_rotvec(places[:, 2:] * [0, 0, 1]).as_matrix()
@@ -59,6 +62,8 @@ SCENES = {
     "around": around,
     "resting": lambda seed: on_the_floor(seed, tilted=False),
     "tilted": lambda seed: on_the_floor(seed, tilted=True),
+    "round": lambda seed: on_the_floor(seed, tilted=False, kinds=(*ROUNDS, "box")),
+    "leaning": lambda seed: on_the_floor(seed, tilted=True, kinds=(*ROUNDS, "box")),
 }
 
 
