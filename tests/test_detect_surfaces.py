@@ -143,3 +143,18 @@ def test_ctrl_c_ends_it():
     with pytest.raises(KeyboardInterrupt):
         primfit.detect_surfaces(points)
     assert time.monotonic() - start < 60.0
+
+
+def test_planes_and_curved_surfaces_are_surfaces(small, found):
+    points = np.random.default_rng(2).uniform(-2.0, 2.0, (50, 3))
+    step = 1e-6
+    for surface in found:
+        assert isinstance(surface, primfit.Surface)
+        assert surface.covariance.shape == (len(surface.parameters),) * 2
+        assert all(sigma > 0.0 for sigma in surface.sigmas.values())
+        normals = surface.normals(points)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
+        rise = (surface.distances(points + step * normals) - surface.distances(points)) / step
+        np.testing.assert_allclose(rise, 1.0, atol=1e-3)
+        off = surface.distances(small[0][surface.inliers])
+        assert np.sqrt((off**2).mean()) == pytest.approx(surface.rms, rel=0.05)

@@ -36,6 +36,7 @@ from .solids.torus import Torus
 from .surfaces.detection import Surfaces, detect_surfaces
 from .surfaces.fitting import fit_cone, fit_cylinder, fit_sphere, fit_torus
 from .surfaces.kinds import ConeSurface, CylinderSurface, SphereSurface, TorusSurface
+from .surfaces.surface import Surface
 from .worlds.arena import Arena
 from .worlds.paper_setting import built_of_walls, paper_path, paper_world
 from .worlds.paths import grid_path, waypoints
@@ -74,6 +75,7 @@ __all__ = [
     "Solid",
     "Sphere",
     "SphereSurface",
+    "Surface",
     "Surfaces",
     "Torus",
     "TorusSurface",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import shapely
@@ -53,6 +53,8 @@ class Plane:
     covariance: Floats  # type: ignore[misc]
     holes: Later[tuple[Floats, ...]] = Later(())  # noqa: RUF009
 
+    kind: ClassVar[str] = "plane"
+
     def __post_init__(self) -> None:
         for name in ("equation", "inliers", "boundary", "covariance"):
             value = vars(self)[name]
@@ -61,6 +63,28 @@ class Plane:
 
     def __getstate__(self) -> dict[str, Any]:
         return called(self)
+
+    @property
+    def parameters(self) -> Floats:
+        """What `covariance` is of: the equation (4,)."""
+        return self.equation
+
+    @property
+    def sigmas(self) -> dict[str, float]:
+        """Standard deviations by name: of the normal, radians, and of the offset d, metres."""
+        variances = np.diag(self.covariance)
+        return {
+            "normal": float(np.sqrt(variances[:3].sum())),
+            "offset": float(np.sqrt(variances[3])),
+        }
+
+    def distances(self, points: Floats) -> Floats:
+        """Signed distances (n,) of points (n, 3), metres, positive where the normal points."""
+        return product(points, self.equation[:3, None])[:, 0] + self.equation[3]
+
+    def normals(self, points: Floats) -> Floats:
+        """Unit normals (n, 3) at the feet of points (n, 3)."""
+        return np.broadcast_to(self.equation[:3], points.shape).copy()
 
     @property
     def center(self) -> Floats:

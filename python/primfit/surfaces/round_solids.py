@@ -12,7 +12,7 @@ from primfit._check import Floats, Ints
 from primfit.geometry.footprints import ellipse_footprint
 from primfit.geometry.products import dots, lengths_of, product
 from primfit.geometry.shapes import Shape
-from primfit.planes.plane import Plane
+from primfit.planes.plane import Plane, axes_of
 from primfit.solids.found import FoundSolid
 from primfit.solids.frusta import Cone, Cylinder
 from primfit.solids.round import Round
@@ -26,6 +26,7 @@ from primfit.surfaces.kinds import (
     SphereSurface,
     TorusSurface,
 )
+from primfit.surfaces.surface import Surface
 
 _LEAST_ARC = 2.0 * np.pi / 3.0
 """Least angle about the axis, radians, that must be seen of a pipe: as much is in view from two
@@ -86,10 +87,7 @@ class _Wall:
 
     @classmethod
     def of(cls, number: int, plane: Plane) -> _Wall:
-        normal = plane.equation[:3]
-        x = np.cross(np.eye(3)[np.abs(normal).argmin()], normal)
-        x /= lengths_of(x)
-        axes = np.stack([x, np.cross(normal, x)], axis=1)
+        axes = axes_of(plane.equation[:3]).T
         loops = [product(loop, axes) for loop in (plane.boundary, *plane.holes)]
         outline = shapely.Polygon(loops[0], loops[1:]) if plane.area > 0.0 else shapely.Polygon()
         spacing = float(np.sqrt(plane.area / max(len(plane.inliers), 1)))
@@ -367,7 +365,7 @@ def _explains_more(solid: Round, surface: CurvedSurface, tiles: Sequence[Plane])
     on_any = np.unique(np.concatenate([surface.inliers, *(tile.inliers for tile in tiles)]))
     size = max(solid.dimensions)
 
-    def cost(parts: Sequence[CurvedSurface | Plane], n_parameters: int) -> float:
+    def cost(parts: Sequence[Surface], n_parameters: int) -> float:
         on = [len(part.inliers) for part in parts]
         widths = [max(part.rms / size, _EXACT) * np.sqrt(2.0 * np.pi * np.e) for part in parts]
         price = float(np.dot(on, np.log(np.minimum(widths, 1.0)))) if parts else 0.0
@@ -376,7 +374,7 @@ def _explains_more(solid: Round, surface: CurvedSurface, tiles: Sequence[Plane])
     return cost([surface], N_PARAMETERS[surface.kind]) < cost(tiles, 3 * len(tiles))
 
 
-def tiles_of(surfaces: Sequence[CurvedSurface], planes: Sequence[Plane]) -> list[Plane]:
+def tiles_of(surfaces: Sequence[Surface], planes: Sequence[Plane]) -> list[Plane]:
     """Planes more than half of whose points are on some surfaces."""
     on_it = [surface.inliers for surface in surfaces]
     return [
