@@ -211,6 +211,28 @@ def test_what_is_flat_stays_flat():
     assert (solid.kind, len(found.planes)) == ("heptagon", 9)
 
 
+def test_a_pyramid_is_no_cone():
+    rng = np.random.default_rng(5)
+    vertices, triangles = primfit.Polyhedron.pyramid(6, 0.12, 0.15).to_mesh()
+    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    areas[np.abs(np.cross(b - a, c - a)[:, :2]).max(axis=1) < 1e-12] = 0.0
+    which = rng.choice(len(areas), 600, p=areas / areas.sum())
+    u, v = np.sort(rng.random((2, len(which))), axis=0)
+    points = a[which] + u[:, None] * (b - a)[which] + (v - u)[:, None] * (c - a)[which]
+    found = primfit.detect(cloud_of(points, 0.003), method="planes", sigma=0.003, rng=1)
+    assert not any(solid.surfaces for solid in found.solids)
+
+
+def test_noise_may_be_a_function_of_the_points(seen):
+    _, scan, _ = seen
+    cloud = scan.points[scan.is_return][::3]
+    found = primfit.detect(cloud, sigma=lambda points: np.full(len(points), 0.003), rng=1)
+    again = primfit.detect(cloud, sigma=0.003, rng=1)
+    assert repr(found) == repr(again)
+    assert any(solid.surfaces for solid in found.solids)
+
+
 def test_settings_name_their_method(seen):
     _, scan, _ = seen
     with pytest.raises(ValueError, match=r"kinds must hold 'plane', not only sphere"):

@@ -16,6 +16,7 @@ from primfit.planes.ransac import Orientation
 from primfit.planes.scan_planes import Progress
 from primfit.polyhedra.assembly import find_polyhedra
 from primfit.results import Detection
+from primfit.scans.columns import as_sigma
 from primfit.scans.scan import Scan
 from primfit.solids.found import FoundSolid
 from primfit.surfaces.detection import KINDS, detect_surfaces
@@ -114,6 +115,8 @@ def detect_by_planes(
     wishes = {"orientation": orientation, "max_angle": max_angle}
     wishes |= {"threshold": threshold, "min_points": min_points}
     how = replace(how, **{name: wish for name, wish in wishes.items() if wish is not None})
+    if callable(sigma):
+        sigma = sigma(np.asarray(scan.points))
     is_of_camera = not scan.has_origins and is_of_pinhole(scan.points[scan.is_return])
     seen = Scan.from_points(scan.points, np.zeros(3), scan.sigma) if is_of_camera else scan
     planes = detect_planes(
@@ -134,7 +137,8 @@ def detect_by_planes(
     if kinds:
         found = detect_surfaces(seen, sigma=sigma, rng=rng, kinds=kinds, n_jobs=n_jobs)
         curved = tuple(each for each in found if not isinstance(each, Plane))
-        rounds = round_solids(curved, flat, scan.points)
+        noise = seen.sigma if sigma is None else as_sigma(sigma, len(seen))
+        rounds = round_solids(curved, flat, scan.points, noise if np.any(noise) else None)
         if rounds:
             flat, labels, rounds = _without_tiles(flat, labels, curved, rounds)
     polyhedra = find_polyhedra(flat, scan.points, facing=seen.has_origins)

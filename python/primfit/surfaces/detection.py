@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -138,7 +138,7 @@ _PLURALS = {
 def detect_surfaces(
     points: Scan | PointsLike,
     origins: ArrayLike | None = None,
-    sigma: ArrayLike | None = None,
+    sigma: ArrayLike | Callable[[Floats], ArrayLike] | None = None,
     rng: Any = None,
     *,
     kinds: Sequence[str] = KINDS,
@@ -161,8 +161,9 @@ def detect_surfaces(
     origins : (n, 3), (3,) or None, metres
         Where the sensor was: surfaces are fitted to the ranges, and tell whether they were seen
         from outside.
-    sigma : float, (n,) or None, metres
-        Standard deviation of the noise; None is estimated around each point.
+    sigma : float, (n,), callable or None, metres
+        Standard deviation of the noise, or a function of the points (n, 3) that gives it; None is
+        estimated around each point.
     rng : None, int or numpy.random.Generator
         Taken as everywhere else; nothing is drawn at random here.
     kinds : sequence of str
@@ -211,6 +212,8 @@ def detect_surfaces(
     generator(rng)
     threads = n_jobs_or_none(n_jobs)
     scan = as_scan(points, origins, copy=False)
+    if callable(sigma):
+        sigma = sigma(np.asarray(scan.points))
     offset = scan.far_offset
     scan = scan.moved(-offset)
     rows = np.flatnonzero(scan.is_return)

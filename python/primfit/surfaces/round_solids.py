@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import shapely
 
 from primfit._check import Floats, Ints
 from primfit.geometry.footprints import ellipse_footprint
-from primfit.geometry.products import dots, lengths_of, product
+from primfit.geometry.products import lengths_of, product
 from primfit.geometry.shapes import Shape
-from primfit.planes.plane import Plane, axes_of
+from primfit.planes.plane import Plane
+from primfit.planes.scan_planes import SIGMAS
 from primfit.solids.found import FoundSolid
 from primfit.solids.frusta import Cone, Cylinder
 from primfit.solids.round import Round
 from primfit.solids.sphere import Sphere
 from primfit.solids.torus import Torus
+from primfit.surfaces.ends import EQUAL, End, Wall, ends_of
 from primfit.surfaces.kinds import (
     N_PARAMETERS,
     ConeSurface,
@@ -43,17 +45,6 @@ _COARSEST = 0.05
 """Most noise of a solid, as a share of its radius, or of the height of a cone: beyond it the bias
 of the last fit nears its standard deviation (docs/surfaces.md), and clutter passes for round."""
 
-_EQUAL = 0.02
-"""Share of a radius, and angle, radians, that counts as none, as in the names of found solids."""
-
-_SIGMAS = 3.0
-
-_RIM = 4.0
-"""Standard deviations from the side within which a point of a flat end may be the side's."""
-
-_FEWEST = 10
-"""Points of a flat end by which it is known better than by its plane."""
-
 _STRANGE = 0.01
 """Share of its points that may be inside: outliers."""
 
@@ -64,48 +55,11 @@ _STEP = 1e-6
 """Share of a number by which it is moved to see what follows."""
 
 
-@dataclass(frozen=True, eq=False)
-class _End:
-    """Where a solid ends across its axis: at a place (3,), or at the apex of its cone."""
-
-    place: Floats | None
-    variance: float
-    plane: int = -1
-    is_seen: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class _Wall:
-    """A plane with its outline, holes cut out, in its own axes (3, 2)."""
-
-    number: int
-    equation: Floats
-    covariance: Floats
-    axes: Floats
-    polygon: shapely.Polygon
-    reach: float
-
-    @classmethod
-    def of(cls, number: int, plane: Plane) -> _Wall:
-        axes = axes_of(plane.equation[:3]).T
-        loops = [product(loop, axes) for loop in (plane.boundary, *plane.holes)]
-        outline = shapely.Polygon(loops[0], loops[1:]) if plane.area > 0.0 else shapely.Polygon()
-        spacing = float(np.sqrt(plane.area / max(len(plane.inliers), 1)))
-        reach = _SIGMAS * (spacing + plane.rms)
-        return cls(number, plane.equation, plane.covariance, axes, outline.buffer(0.0), reach)
-
-    def height(self, place: Floats, axis: Floats) -> float:
-        """How far from a place the line along an axis meets it, metres."""
-        equation = self.equation
-        return -float(equation[:3] @ place + equation[3]) / float(equation[:3] @ axis)
-
-    def disc(self, center: Floats, radius: float) -> shapely.Polygon:
-        """A disc of its own, about the foot of a point."""
-        return shapely.Point(product(center[None], self.axes)[0]).buffer(radius)
-
-
 def round_solids(
-    surfaces: Sequence[CurvedSurface], planes: Sequence[Plane], points: Floats
+    surfaces: Sequence[CurvedSurface],
+    planes: Sequence[Plane],
+    points: Floats,
+    noise: Floats | float | None = None,
 ) -> list[FoundSolid]:
     """The closed solids among curved surfaces.
 
@@ -120,18 +74,23 @@ def round_solids(
     planes : sequence of Plane
     points : (n, 3) float64, metres
         The cloud of whose rows their `inliers` are.
+    noise : float, (n,) or None, metres
+        Standard deviation of the distances, where it is known: then a surface must fit as well as
+        that says, but for 2 % of its radius by which a real solid may be off.
 
     Returns
     -------
     list of FoundSolid
         Their `planes` are the flat ends, base and top, -1 for none.
     """
-    walls = [_Wall.of(number, plane) for number, plane in enumerate(planes)]
+    walls = [Wall.of(number, plane) for number, plane in enumerate(planes)]
     found = []
     for number, surface in enumerate(surfaces):
         if surface.is_convex is False or not _shows_enough(surface):
             continue
-        ends = _ends(surface, points, planes, walls)
+        if noise is not None and not _fits(surface, np.broadcast_to(noise, len(points))):
+            continue
+        ends = ends_of(surface, points, planes, walls)
         solid, parameters, covariance = _closed(surface, ends)
         own = tuple(end.plane for end in ends)
         tiles = tiles_of([surface], planes)
@@ -158,12 +117,22 @@ def round_solids(
     return found
 
 
-def _shows_enough(surface: CurvedSurface) -> bool:
+def _fits(surface: CurvedSurface, noise: Floats) -> bool:
+    """Whether the surface is as near to its points as their noise says, and chance allows."""
+    n = len(surface.inliers) / surface.correlation_area
+    told = float(np.mean(noise[surface.inliers] ** 2)) * (1.0 + SIGMAS * np.sqrt(2.0 / n))
+    return bool(surface.rms**2 <= told + (EQUAL * _narrowest(surface)) ** 2)
+
+
+def _narrowest(surface: CurvedSurface) -> float:
+    """The radius, metres, or the height of a flat cone."""
     if isinstance(surface, ConeSurface):
-        least = min(surface.radii[1], surface.length)
-    else:
-        least = surface.radius
-    if surface.rms > _COARSEST * least:
+        return min(surface.radii[1], surface.length)
+    return surface.radius
+
+
+def _shows_enough(surface: CurvedSurface) -> bool:
+    if surface.rms > _COARSEST * _narrowest(surface):
         return False
     if isinstance(surface, SphereSurface):
         return surface.area >= _LEAST_SHARE * 4.0 * np.pi * surface.radius**2
@@ -172,86 +141,7 @@ def _shows_enough(surface: CurvedSurface) -> bool:
     return surface.arc >= _LEAST_ARC
 
 
-def _ends(
-    surface: CurvedSurface, points: Floats, planes: Sequence[Plane], walls: list[_Wall]
-) -> list[_End]:
-    """Lower and upper end along the axis of what has ends."""
-    if not isinstance(surface, CylinderSurface | ConeSurface):
-        return []
-    place = surface.center if isinstance(surface, CylinderSurface) else surface.apex
-    heights = np.sort(dots(points[surface.inliers] - place, surface.axis))
-    spacing = float(np.sqrt(surface.area / len(heights)))
-    ends = []
-    for side, rising in ((-1.0, -heights[::-1]), (1.0, heights)):
-        outer = rising[rising >= (rising[0] + rising[-1]) / 2.0]
-        gap = max(float(np.diff(outer).max(initial=0.0)), spacing)
-        last = side * float(rising[-1])
-        if isinstance(surface, ConeSurface) and side < 0.0 and last <= gap:
-            ends.append(_End(None, 0.0))
-            continue
-        wall = _across(surface, place, last, gap, walls)
-        if wall is None:
-            # The end is as likely anywhere up to where the next points would have been.
-            ends.append(_End(place + last * surface.axis, gap**2 / 3.0))
-        else:
-            ends.append(_at_plane(surface, place, wall, points[planes[wall.number].inliers]))
-    return ends
-
-
-def _across(
-    surface: CylinderSurface | ConeSurface,
-    place: Floats,
-    last: float,
-    gap: float,
-    walls: list[_Wall],
-) -> _Wall | None:
-    """The plane across the axis that is nearest to the last points, if there is one."""
-    axis, best = surface.axis, None
-    nearest = np.inf
-    axis_variance = float(np.trace(surface.covariance[3:6, 3:6]))
-    for wall in walls:
-        deviation = np.sqrt(axis_variance + np.trace(wall.covariance[:3, :3]))
-        tilt = float(lengths_of(np.cross(wall.equation[:3], axis)))
-        if tilt > max(_EQUAL, _SIGMAS * deviation):
-            continue
-        height = wall.height(place, axis)
-        reach = wall.reach + gap + _SIGMAS * surface.rms
-        if abs(height - last) > min(reach, nearest):
-            continue
-        disc = wall.disc(place + height * axis, _radius_at(surface, height))
-        if wall.polygon.distance(disc) <= reach:
-            best, nearest = wall, abs(height - last)
-    return best
-
-
-def _at_plane(
-    surface: CylinderSurface | ConeSurface, place: Floats, wall: _Wall, own: Floats
-) -> _End:
-    """The end at a plane with its points: where the axis meets it, or a flat end's middle.
-
-    Of the points of a flat end those near its rim are left out: they may be of the side.
-    """
-    middle = place + wall.height(place, surface.axis) * surface.axis
-    disc = wall.disc(middle, _radius_at(surface, wall.height(place, surface.axis)))
-    row = np.append(middle, 1.0) / float(wall.equation[:3] @ surface.axis)
-    variance = float(row @ wall.covariance @ row)
-    if wall.polygon.intersection(disc).area < 0.5 * disc.area:
-        return _End(middle, variance, wall.number)
-    clear = own[surface.distances(own) < -_RIM * surface.rms]
-    if len(clear) < _FEWEST:
-        return _End(middle, variance, wall.number, is_seen=True)
-    off = dots(clear, surface.axis)
-    variance = float(off.var()) * surface.correlation_area / len(clear)
-    return _End(clear.mean(axis=0), variance, wall.number, is_seen=True)
-
-
-def _radius_at(surface: CylinderSurface | ConeSurface, height: float) -> float:
-    if isinstance(surface, CylinderSurface):
-        return surface.radius
-    return max(height, 0.0) * float(np.tan(surface.angle))
-
-
-def _closed(surface: CurvedSurface, ends: list[_End]) -> tuple[Round, tuple[str, ...], Floats]:
+def _closed(surface: CurvedSurface, ends: list[End]) -> tuple[Round, tuple[str, ...], Floats]:
     """The solid of a surface between its ends, what is known of it, and how well."""
     told = np.concatenate([surface.parameters, np.zeros(len(ends))])
     spread = np.zeros((len(told), len(told)))
@@ -293,13 +183,13 @@ def _closed(surface: CurvedSurface, ends: list[_End]) -> tuple[Round, tuple[str,
 def _shape(solid: Round) -> Shape:
     """What the solid is: what leans by nothing that counts is upright."""
     shape = solid.shape
-    if isinstance(solid, Cylinder) and abs(solid.axis[2]) >= 1.0 - _EQUAL**2:
+    if isinstance(solid, Cylinder) and abs(solid.axis[2]) >= 1.0 - EQUAL**2:
         outline = ellipse_footprint(solid.radius, solid.radius, solid.center[:2], 0.0)
         return replace(shape, kind="circle", footprint=outline, angle=0.0, size=solid.radius)
     return shape
 
 
-def _values(surface: CurvedSurface, told: Floats, ends: list[_End]) -> Floats:
+def _values(surface: CurvedSurface, told: Floats, ends: list[End]) -> Floats:
     """Centre, axis and lengths of the solid, from the numbers of its surface and moves of its ends.
 
     The ends stay where they were seen when the surface moves.
@@ -322,12 +212,12 @@ def _values(surface: CurvedSurface, told: Floats, ends: list[_End]) -> Floats:
     return np.concatenate([middle, -axis, [high * slope, high - low, low * slope]])
 
 
-def _is_cut(solid: Round, surface: CurvedSurface, walls: list[_Wall]) -> bool:
+def _is_cut(solid: Round, surface: CurvedSurface, walls: list[Wall]) -> bool:
     """Whether a plane runs up to where it would be within the solid, as to a half column."""
     for wall in walls:
         off = product(solid.vertices, wall.equation[:3, None])[:, 0] + wall.equation[3]
         deep = min(float(off.max()), float(-off.min()))
-        if deep <= _EQUAL * max(solid.dimensions) + _SIGMAS * surface.rms:
+        if deep <= EQUAL * max(solid.dimensions) + SIGMAS * surface.rms:
             continue
         section = _section(solid.vertices, solid.faces, off)
         within = shapely.MultiPoint(product(section, wall.axes)).convex_hull
@@ -350,7 +240,7 @@ def _holds_others(solid: Round, surface: CurvedSurface, points: Floats) -> bool:
     """Whether more points than outliers are inside, as those of a bowl's other side are."""
     low, high = solid.bounds
     near = points[((points > low) & (points < high)).all(axis=1)]
-    deep = _EQUAL * min(solid.dimensions) + _SIGMAS * surface.rms
+    deep = EQUAL * min(solid.dimensions) + SIGMAS * surface.rms
     inside = (solid.surfaces(near)[0] < -deep).all(axis=1).sum()
     return bool(inside > _STRANGE * len(surface.inliers))
 
