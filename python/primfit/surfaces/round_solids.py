@@ -134,11 +134,14 @@ def _narrowest(surface: CurvedSurface) -> float:
 def _shows_enough(surface: CurvedSurface) -> bool:
     if surface.rms > _COARSEST * _narrowest(surface):
         return False
+    # Of what may have been seen from inside, a half at most can be a trough, a vault or a bowl.
+    is_outside = surface.is_convex is True
     if isinstance(surface, SphereSurface):
-        return surface.area >= _LEAST_SHARE * 4.0 * np.pi * surface.radius**2
+        share = _LEAST_SHARE if is_outside else 0.5
+        return surface.area > share * 4.0 * np.pi * surface.radius**2
     if isinstance(surface, TorusSurface):
         return surface.arc >= _LEAST_TURN and surface.radius < surface.major_radius
-    return surface.arc >= _LEAST_ARC
+    return surface.arc > (_LEAST_ARC if is_outside else np.pi)
 
 
 def _closed(surface: CurvedSurface, ends: list[End]) -> tuple[Round, tuple[str, ...], Floats]:
