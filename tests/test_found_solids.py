@@ -62,6 +62,9 @@ def test_laid_elsewhere_and_back(found):
         np.testing.assert_allclose(moved.center[:2], there.of(solid.center[None, :2])[0])
         assert moved.kind == solid.kind
         assert moved.size == solid.size
+        corner = moved.covariance[:2, :2]
+        turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+        np.testing.assert_allclose(corner, turn @ solid.covariance[:2, :2] @ turn.T)
         np.testing.assert_allclose(
             moved.T_world_solid[2], [*solid.T_world_solid[2, :3], moved.center[2]]
         )

@@ -10,12 +10,8 @@ from scipy.spatial.transform import Rotation
 from primfit._check import Floats
 from primfit.geometry.products import product
 from primfit.geometry.shapes import Shape, shape_of
-from primfit.solids.found import FoundSolid
+from primfit.solids.found import EQUAL, FoundSolid
 from primfit.solids.polyhedron import Polyhedron
-
-EQUAL = 0.02
-"""Difference of lengths, relative to the size, and of angles, radians, that still counts as none in
-the name of a solid that was found."""
 
 _VAGUE = 0.05, 0.15
 """Differences of lengths, relative to the size, and of angles, that may count as none: of what is

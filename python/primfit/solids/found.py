@@ -9,10 +9,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from primfit._check import Floats, Ints
-from primfit.geometry.motions import Motion
+from primfit.geometry.motions import Motion, turned
+from primfit.geometry.products import product
 from primfit.geometry.shapes import Shape, upright_shape
 from primfit.solids.prism import Prism
 from primfit.solids.solid import Solid
+
+EQUAL = 0.02
+"""Difference of lengths, relative to the size, and of angles, radians, that still counts as none in
+the name of a solid that was found."""
 
 _UPRIGHT = ("center_x", "center_y", "angle", "size", "size_2")
 
@@ -209,7 +214,21 @@ class FoundSolid:
 
     def laid(self, motion: Motion, rise: float = 0.0) -> FoundSolid:
         """The solid where a motion about the vertical, and a `rise`, metres, bring it."""
-        return replace(self, solid=self.solid.laid(motion, rise), shape=self.shape.laid(motion))
+        return replace(
+            self,
+            solid=self.solid.laid(motion, rise),
+            shape=self.shape.laid(motion),
+            covariance=self._turned(motion.turn) if motion.turn else self.covariance,
+        )
+
+    def _turned(self, angle: float) -> Floats:
+        """The covariance where x and y are those of axes that the solid has turned in."""
+        turn = np.eye(len(self.parameters))
+        for what in ("center", "rotation"):
+            if f"{what}_x" in self.parameters:
+                i, j = (self.parameters.index(f"{what}_{axis}") for axis in "xy")
+                turn[np.ix_([i, j], [i, j])] = turned(np.eye(2), angle).T
+        return product(product(turn, self.covariance), turn.T)
 
     def to_dict(self) -> dict[str, Any]:
         """What it is and where, and how well that is known, as plain numbers, for JSON."""

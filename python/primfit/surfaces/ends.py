@@ -12,10 +12,8 @@ from primfit._check import Floats
 from primfit.geometry.products import dots, lengths_of, product
 from primfit.planes.plane import Plane, axes_of
 from primfit.planes.scan_planes import SIGMAS
+from primfit.solids.found import EQUAL
 from primfit.surfaces.kinds import ConeSurface, CurvedSurface, CylinderSurface
-
-EQUAL = 0.02
-"""Share of a radius, and angle, radians, that counts as none, as in the names of found solids."""
 
 _RIM = 4.0
 """Standard deviations from the side within which a point of a flat end may be the side's."""

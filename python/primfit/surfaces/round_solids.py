@@ -14,12 +14,12 @@ from primfit.geometry.products import lengths_of, product
 from primfit.geometry.shapes import Shape
 from primfit.planes.plane import Plane
 from primfit.planes.scan_planes import SIGMAS
-from primfit.solids.found import FoundSolid
+from primfit.solids.found import EQUAL, FoundSolid
 from primfit.solids.frusta import Cone, Cylinder
 from primfit.solids.round import Round
 from primfit.solids.sphere import Sphere
 from primfit.solids.torus import Torus
-from primfit.surfaces.ends import EQUAL, End, Wall, ends_of
+from primfit.surfaces.ends import End, Wall, ends_of
 from primfit.surfaces.kinds import (
     N_PARAMETERS,
     ConeSurface,
