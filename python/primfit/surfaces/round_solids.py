@@ -43,7 +43,8 @@ _LEAST_TURN = 1.5 * np.pi
 
 _COARSEST = 0.05
 """Most noise of a solid, as a share of its radius, or of the height of a cone: beyond it the bias
-of the last fit nears its standard deviation (docs/surfaces.md), and clutter passes for round."""
+of the last fit nears its standard deviation (docs/surfaces.md), and clutter passes for round. And
+most standard deviation of its radius."""
 
 _STRANGE = 0.01
 """Share of its points that may be inside: outliers."""
@@ -92,6 +93,8 @@ def round_solids(
             continue
         ends = ends_of(surface, points, planes, walls)
         solid, parameters, covariance = _closed(surface, ends)
+        if not _is_known(solid, parameters, covariance):
+            continue
         own = tuple(end.plane for end in ends)
         tiles = tiles_of([surface], planes)
         others = [
@@ -122,6 +125,13 @@ def _fits(surface: CurvedSurface, noise: Floats) -> bool:
     n = len(surface.inliers) / surface.correlation_area
     told = float(np.mean(noise[surface.inliers] ** 2)) * (1.0 + SIGMAS * np.sqrt(2.0 / n))
     return bool(surface.rms**2 <= told + (EQUAL * _narrowest(surface)) ** 2)
+
+
+def _is_known(solid: Round, parameters: tuple[str, ...], covariance: Floats) -> bool:
+    """Whether its radii are told: strips of what is bent otherwise leave them open."""
+    deviations = dict(zip(parameters, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    radii = [name for name in ("radius", "major_radius") if name in deviations]
+    return all(deviations[name] <= _COARSEST * getattr(solid, name) for name in radii)
 
 
 def _narrowest(surface: CurvedSurface) -> float:
@@ -253,7 +263,8 @@ def _explains_more(solid: Round, surface: CurvedSurface, tiles: Sequence[Plane])
 
     By the length of the shortest description: a point on a surface costs the logarithm of the
     width in which it lies, one on none that of the whole solid, and a parameter half the logarithm
-    of the number of points (Rissanen, Modeling by shortest data description, 1978).
+    of the number of points (Rissanen, Modeling by shortest data description, 1978). Points whose
+    errors are one count as one.
     """
     on_any = np.unique(np.concatenate([surface.inliers, *(tile.inliers for tile in tiles)]))
     size = max(solid.dimensions)
@@ -262,7 +273,8 @@ def _explains_more(solid: Round, surface: CurvedSurface, tiles: Sequence[Plane])
         on = [len(part.inliers) for part in parts]
         widths = [max(part.rms / size, _EXACT) * np.sqrt(2.0 * np.pi * np.e) for part in parts]
         price = float(np.dot(on, np.log(np.minimum(widths, 1.0)))) if parts else 0.0
-        return price + 0.5 * n_parameters * float(np.log(len(on_any)))
+        n = max(len(on_any) / surface.correlation_area, 1.0)
+        return price / surface.correlation_area + 0.5 * n_parameters * float(np.log(n))
 
     return cost([surface], N_PARAMETERS[surface.kind]) < cost(tiles, 3 * len(tiles))
 
