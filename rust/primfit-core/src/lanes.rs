@@ -30,6 +30,7 @@ pub trait Lanes:
     fn min(self, other: Self) -> Self;
     fn max(self, other: Self) -> Self;
     fn abs(self) -> Self;
+    fn sqrt(self) -> Self;
     /// `self`, negated where `sign` is negative.
     fn flip(self, sign: Self) -> Self;
     /// A bit for each lane that is not greater than that of `other`.
@@ -173,6 +174,10 @@ impl<const N: usize> Lanes for Plain<N> {
     #[inline(always)]
     fn abs(self) -> Self {
         Self(self.0.map(f32::abs))
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(f32::sqrt))
     }
     #[inline(always)]
     fn flip(self, sign: Self) -> Self {
