@@ -224,9 +224,9 @@ class Beams:
 
         It is a quadratic, and the beams at silhouettes.
         """
-        corners, room = np.ascontiguousarray(footprint), (slack, top_slack)
-        how = self.stride, self.is_open, is_round
-        return self._core.around(corners, self.floor_z, top, *room, *how)
+        corners = np.ascontiguousarray(footprint)
+        weight, room = self.stride, (slack, top_slack)
+        return self._core.around(corners, self.floor_z, top, *room, weight, self.is_open, is_round)
 
     def thinned(self, stride: int, least_sigma: float) -> Beams:
         """Every `stride`-th beam, taken as no more exact than `least_sigma`."""

@@ -224,7 +224,7 @@ def _star(n: int) -> Template:
 
 
 def _outline(n: int) -> Floats:
-    """Corners of a polygon with the area of an ellipse, as weights (n, 4) of the ends of its axes."""
+    """Corners of a polygon with an ellipse's area, as weights (n, 4) of the ends of its axes."""
     scale = np.sqrt(2 * np.pi / (n * np.sin(2 * np.pi / n)))
     angles = 2 * np.pi * np.arange(n) / n
     arms = 0.5 * scale * np.stack([np.cos(angles), np.sin(angles)], axis=1)
