@@ -43,7 +43,8 @@ class FoundSolid:
     size : float or (float, float), metres
         Side; (long, short) of a rectangle; (outer, inner) radius of a star.
     covariance : (k, k) float64
-        Of center x, center y, angle and the one or two sizes; NaN when nothing was fitted.
+        Of center x, center y, angle and the one or two sizes; NaN when nothing was fitted. The
+        angle of a circle is zero by definition, and so are its row and column.
     planes : tuple of int
         Its walls among the planes found.
     observed : tuple of bool

@@ -226,6 +226,20 @@ mod tests {
         }
     }
 
+    for_each_set! {
+        fn roots(a: &[f32; 16]) -> [f32; 16] {
+            <Set as Isa>::Sixteen::load(a).sqrt().store()
+        }
+    }
+
+    #[test]
+    fn roots_are_rounded_as_ieee_wants() {
+        let a = std::array::from_fn(|i| (i as f32).powi(9) * 0.37);
+        for set in Instructions::available() {
+            assert_eq!(roots(set, &a), a.map(f32::sqrt));
+        }
+    }
+
     #[test]
     fn one_negative_lane_is_seen_on_all_sets() {
         for set in Instructions::available() {

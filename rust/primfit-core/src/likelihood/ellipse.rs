@@ -269,3 +269,70 @@ pub(super) fn may_change<L: Row>(
     open |= near & (zero - around).le(chord.middle) & chord.middle.le(nearest + around + play);
     (open, crossed)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::beams::{BeamBlocks, Beams, Limits, Prices};
+    use super::super::expansion::expand;
+    use super::super::prism_ranges;
+    use super::*;
+
+    /// Circle of radius 0.5 around (2, 0), and beams along x whose lines miss its centre by `offs`.
+    fn ahead(offs: &[f64], ranges: &[f64]) -> (BeamBlocks, [[f64; 2]; 4]) {
+        let origins: Vec<_> = offs.iter().map(|&y| [0.0, y, 0.5]).collect();
+        let n = offs.len();
+        let beams = Beams {
+            origins: &origins,
+            directions: &vec![[1.0, 0.0, 0.0]; n],
+            ranges,
+            background: &vec![f64::INFINITY; n],
+            sigmas: &vec![0.01; n],
+            limits: Limits::All([0.0, 9.0]),
+        };
+        let ends = [[2.5, 0.0], [2.0, 0.5], [1.5, 0.0], [2.0, -0.5]];
+        (BeamBlocks::new(beams, Prices { outlier: 100.0, missing: 100.0 }), ends)
+    }
+
+    fn circle(footprint: &[[f64; 2]]) -> Candidate<'_> {
+        Candidate { footprint, is_round: true, bottom: 0.0, top: 1.0, is_open: false }
+    }
+
+    #[test]
+    fn ranges_of_a_circle() {
+        let offs = [0.0, 0.3, -0.4, 0.6];
+        let (beams, ends) = ahead(&offs, &[1.0; 4]);
+        let met = prism_ranges(&beams, &circle(&ends));
+        for (met, expected) in met.iter().zip([1.5, 1.6, 1.7, f64::INFINITY]) {
+            assert!(*met == expected || (met - expected).abs() < 1e-6, "{met} {expected}");
+        }
+    }
+
+    #[test]
+    fn slopes_by_centre_and_radius() {
+        let offs = [0.0, 0.3, -0.4];
+        // Each is a standard deviation too long.
+        let (beams, ends) = ahead(&offs, &[1.51, 1.61, 1.71]);
+        let found = expand(&beams, &circle(&ends), 0.0, 0.0);
+        assert!((found.cost - 1.5).abs() < 1e-3);
+        let along = |moves: [[f64; 2]; 4]| {
+            moves.as_flattened().iter().zip(&found.gradient).map(|(a, b)| a * b).sum::<f64>()
+        };
+        // A range changes along x by 1, along y by tan, and by -1 / cos with the radius.
+        let expected = [-3.0, 0.3 / 0.4 - 0.4 / 0.3, 1.0 + 0.5 / 0.4 + 0.5 / 0.3];
+        let moves =
+            [[[1.0, 0.0]; 4], [[0.0, 1.0]; 4], [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]];
+        for (moves, expected) in moves.into_iter().zip(expected) {
+            assert!((0.01 * along(moves) - expected).abs() < 0.01, "{expected}");
+        }
+        let square: f64 =
+            found.information.chunks(8).step_by(2).flat_map(|row| row.iter().step_by(2)).sum();
+        assert!((square / 1e4 - 3.0).abs() < 1e-3, "{square}");
+    }
+
+    #[test]
+    fn a_beam_that_may_pass_by_is_open() {
+        let offs = [0.0, 0.499, 0.501, 0.7];
+        let (beams, ends) = ahead(&offs, &[1.5; 4]);
+        assert_eq!(expand(&beams, &circle(&ends), 0.002, 0.0).open, [1, 2]);
+    }
+}
