@@ -208,20 +208,18 @@ pub(super) fn assemble(candidate: &Candidate, sums: &[f64]) -> (Vec<f64>, Vec<f6
         }
     }
     let (first, products) = sums.split_at(N_SLOPES);
-    let mut information = [[0.0; N_SLOPES]; N_SLOPES];
-    let mut k = 0;
-    for i in 0..N_SLOPES {
-        for j in i..N_SLOPES {
-            (information[i][j], information[j][i]) = (products[k], products[k]);
-            k += 1;
-        }
-    }
+    let product = |i: usize, j: usize| {
+        let (i, j) = (i.min(j), i.max(j));
+        products[i * (2 * N_SLOPES - 1 - i) / 2 + j]
+    };
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let gradient = rows.iter().map(|row| dot(row, first)).collect();
     let matrix = rows
         .iter()
         .flat_map(|row| {
-            let of_row = information.map(|each| dot(&each, row));
+            let of_row: [f64; N_SLOPES] = std::array::from_fn(|i| {
+                row.iter().enumerate().map(|(j, value)| product(i, j) * value).sum()
+            });
             rows.iter().map(move |column| dot(&of_row, column))
         })
         .collect();
