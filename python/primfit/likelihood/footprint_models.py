@@ -278,8 +278,11 @@ TEMPLATES = (*REGULAR.values(), RECTANGLE, *STARS.values(), CIRCLE)
 
 
 def n_sizes(model: FootprintModel) -> int:
-    """How many lengths a kind has besides its place: the fewer, the simpler."""
-    return model.n_sizes if isinstance(model, Template) else model.n_parameters
+    """How many lengths a kind has besides its place: the fewer, the simpler.
+
+    A circle has one number less than a regular polygon: no angle.
+    """
+    return model.n_parameters - 3 if isinstance(model, Template) else model.n_parameters
 
 
 def related(
