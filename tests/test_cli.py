@@ -66,6 +66,27 @@ def test_scan_then_detect(tmp_path):
     assert len(primfit.read_points(tmp_path / "cloud.ply")) > 10_000
 
 
+@pytest.mark.parametrize(
+    ("camera", "preset"),
+    [
+        ("kinect", primfit.DepthCamera.kinect),
+        ("d435", primfit.DepthCamera.realsense_d435),
+        ("range-finder", primfit.DepthCamera.range_finder),
+    ],
+)
+def test_scan_with_a_depth_camera(camera, preset, tmp_path):
+    words = ["--camera", camera, "--rng", "3", "--spacing", "2", "--headings", "1"]
+    primfit.World(arena=primfit.Arena((3, 2))).save(tmp_path / "world.json")
+    made = primfit_command("scan", "scan.npz", "--world", "world.json", *words, cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    scan, sensor = primfit.Scan.load(tmp_path / "scan.npz"), preset()
+    assert len(scan) == scan.image("depth").size
+    assert scan.image("depth").shape[1:] == (sensor.height, sensor.width)
+    depths = scan.image("depth")[np.isfinite(scan.image("depth"))]
+    assert len(depths) > 100
+    assert depths.max() <= sensor.max_depth * 1.1
+
+
 def test_kinds_of_the_random_world(tmp_path):
     made = primfit_command(
         "scan", "scan.npz", "--save-world", "world.json", "--kind", "circle", "--kind", "ellipse",
@@ -122,6 +143,7 @@ def test_help_and_version(tmp_path):
         (["detect", "nan.npy"], "nan.npy holds no finite point"),
         (["scan", "out.npz", "--world", "empty.npz"], "empty.npz is not a world"),
         (["scan", "out.npz", "--layers", "0"], "number_of_layers must be at least 1"),
+        (["scan", "out.npz", "--camera", "kinect", "--layers", "4"], "not --camera kinect"),
         (["demo", "--noise", "-1"], "noise must be at least 0"),
         (["demo", "--noise", "50"], "noise must be at most 1, a fraction of max_range, not 50"),
         (["demo", "--rng", "-1"], "rng must be None, an integer of at least 0"),

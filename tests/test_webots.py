@@ -1,4 +1,4 @@
-"""Projects for Webots, run by a stand-in for it, and its lidars."""
+"""Projects for Webots, run by a stand-in for it, and its sensors."""
 
 from __future__ import annotations
 
@@ -102,3 +102,49 @@ def test_lidars(tmp_path):
         primfit.export_webots(
             primfit.World(), tmp_path, (0, 0, 0), primfit.Lidar.rosette(mount=(0, 0, 1))
         )
+
+
+def test_range_finders(tmp_path, small_world):
+    file = tmp_path / "world.wbt"
+    file.write_text(
+        """#VRML_SIM R2023b utf8
+        Robot { children [ Pose { translation 0.1 0 0.3 rotation 0 0 1 1.5707963267948966 children [
+          RangeFinder { translation 0.02 0 0 width 40 height 30 fieldOfView 1 minRange 0.2
+                        maxRange 3 noise 0.01 resolution 0.005 } ] } ] }"""
+    )
+    camera = primfit.DepthCamera.from_webots(file)
+    # Turned to the left: its own x is the robot's y.
+    place = np.eye(4)
+    place[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
+    place[:3, 3] = [0.1, 0.02, 0.3]
+    np.testing.assert_allclose(camera.mount, place, atol=1e-12)
+    told = primfit.DepthCamera.range_finder(
+        field_of_view=1.0, width=40, height=30, min_range=0.2, max_range=3.0, noise=0.01,
+        resolution=0.005, mount=camera.mount,
+    )  # fmt: skip
+    scans = [primfit.scan(small_world, (0.3, 0.3, 0.2), each, rng=1) for each in (camera, told)]
+    np.testing.assert_array_equal(scans[0].ranges, scans[1].ranges)
+    file.write_text("#VRML_SIM R2023b utf8\nRobot { children RangeFinder { } }")
+    plain = primfit.DepthCamera.from_webots(file)
+    assert (plain.width, plain.height, plain.max_depth) == (64, 64, 1.0)
+    assert plain.fx == primfit.DepthCamera.range_finder().fx
+
+
+@pytest.mark.parametrize(
+    ("node", "message"),
+    [
+        ("Lidar { }", "has no node RangeFinder"),
+        (
+            'RangeFinder { projection "cylindrical" }',
+            "must have a planar projection, not cylindrical",
+        ),
+        ("RangeFinder { spherical TRUE }", "must have a planar projection, not spherical"),
+        ('RangeFinder { maxRange "far" }', "maxRange of RangeFinder must be a number, not 'far'"),
+        ("RangeFinder { fieldOfView 4 }", "field_of_view must be less than pi"),
+    ],
+)
+def test_range_finders_that_are_no_pinholes(node, message, tmp_path):
+    file = tmp_path / "world.wbt"
+    file.write_text(f"#VRML_SIM R2023b utf8\nRobot {{ children [ {node} ] }}")
+    with pytest.raises(ValueError, match=message):
+        primfit.DepthCamera.from_webots(file)

@@ -61,10 +61,15 @@ class BeamBlocks:
         bottoms: NDArray[np.float64],
         tops: NDArray[np.float64],
         is_open: bool = False,
+        is_round: bool = False,
         n_jobs: int | None = None,
     ) -> NDArray[np.float64]: ...
     def prism_ranges(
-        self, footprint: NDArray[np.float64], bottom: float, top: float
+        self,
+        footprint: NDArray[np.float64],
+        bottom: float,
+        top: float,
+        is_round: bool = False,
     ) -> NDArray[np.float64]: ...
     def wall_depths(self, footprint: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def around(
@@ -76,6 +81,7 @@ class BeamBlocks:
         top_slack: float = 0.0,
         weight: float = 1.0,
         is_open: bool = False,
+        is_round: bool = False,
     ) -> Local: ...
     def climb(
         self,
@@ -155,7 +161,12 @@ class Local:
 @final
 class Family:
     @staticmethod
-    def template(axes: NDArray[np.float64], slimmest: float) -> Family: ...
+    def template(
+        axes: NDArray[np.float64],
+        slimmest: float,
+        is_round: bool = False,
+        has_angle: bool = True,
+    ) -> Family: ...
     @staticmethod
     def polygon(n_corners: int) -> Family: ...
     def footprints(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]: ...

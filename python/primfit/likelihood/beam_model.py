@@ -182,12 +182,16 @@ class Beams:
         """Limits of some of them."""
         return self.limits[:, rows] if isinstance(self.limits, np.ndarray) else self.limits
 
-    def costs(self, footprints: Floats, tops: Floats) -> Floats:
-        """Negative log-likelihood of each candidate: footprints (k, m, 2) and tops (k,)."""
+    def costs(self, footprints: Floats, tops: Floats, *, is_round: bool = False) -> Floats:
+        """Negative log-likelihood of each candidate: footprints (k, m, 2) and tops (k,).
+
+        Round footprints are told by the ends of the axes of an ellipse (k, 4, 2).
+        """
         n = len(footprints)
         corners, heights = np.ascontiguousarray(footprints), np.ascontiguousarray(tops)
         floors = np.full(n, self.floor_z)
-        return self.stride * self._core.costs(corners, floors, heights, self.is_open, self.n_jobs)
+        how = self.is_open, is_round, self.n_jobs
+        return self.stride * self._core.costs(corners, floors, heights, *how)
 
     def climb(
         self, family: _primfit.Family, start: Floats, top: float, steps: int
@@ -201,23 +205,28 @@ class Beams:
         depths: Floats = self._core.wall_depths(np.ascontiguousarray(footprint))
         return depths
 
-    def prism_ranges(self, footprint: Floats, top: float) -> Floats:
+    def prism_ranges(self, footprint: Floats, top: float, *, is_round: bool = False) -> Floats:
         """Range (n,) at which each beam first meets a prism, or what is there without it."""
         corners = np.ascontiguousarray(footprint)
-        met = self._core.prism_ranges(corners, self.floor_z, top)
+        met = self._core.prism_ranges(corners, self.floor_z, top, is_round)
         return np.minimum(met, self.arrays[3])
 
     def around(
-        self, footprint: Floats, top: float, slack: float, top_slack: float
+        self,
+        footprint: Floats,
+        top: float,
+        slack: float,
+        top_slack: float,
+        *,
+        is_round: bool = False,
     ) -> _primfit.Local:
         """The likelihood of prisms whose corners and top are near those of a given one.
 
         It is a quadratic, and the beams at silhouettes.
         """
         corners = np.ascontiguousarray(footprint)
-        return self._core.around(
-            corners, self.floor_z, top, slack, top_slack, self.stride, self.is_open
-        )
+        weight, room = self.stride, (slack, top_slack)
+        return self._core.around(corners, self.floor_z, top, *room, weight, self.is_open, is_round)
 
     def thinned(self, stride: int, least_sigma: float) -> Beams:
         """Every `stride`-th beam, taken as no more exact than `least_sigma`."""

@@ -19,9 +19,7 @@ from primfit.likelihood.candidates import (
 )
 from primfit.likelihood.fitting import Fit, climb, find_top, is_sliver
 from primfit.likelihood.footprint_models import (
-    FINEST,
     FreePolygon,
-    Template,
     half_seen,
     n_sizes,
     related,
@@ -56,9 +54,7 @@ def final_posterior(scene: Scene, i: int, rng: np.random.Generator) -> Hypothesi
     solid = scene.solids[i]
     beams = beams_near(scene, i, 1, scene.settings.sampling.most_beams)
     solid = _with_relatives(scene, beams, solid, rng)
-    fit = solid.best.fit
-    finest = replace(solid.best, fit=replace(fit, shape=FINEST.get(fit.shape, fit.shape)))
-    best, error = _annealed(scene, beams, finest, solid.model_error, rng)
+    best, error = _annealed(scene, beams, solid.best, solid.model_error, rng)
     if _excess(beams, best) > scene.settings.refinement.misfit:
         clear = _without_silhouettes(scene, beams, best)
         best, error = _annealed(scene, clear, best, tolerance_of(scene, solid), rng)
@@ -115,7 +111,7 @@ def _annealed(
 def _excess(beams: Beams, best: Candidate) -> float:
     """Standard deviations by which the beams that meet a solid cost more than noise explains."""
     model, (_, _, ranges, background, sigma) = beams.model, beams.arrays
-    expected = beams.prism_ranges(best.fit.footprint, best.top.z)
+    expected = _ranges(beams, best.fit, best.top.z)
     touched = expected < background
     met, limits = expected[touched], beams.limits_of(touched)
     costs = model.costs(ranges[touched], met, met, sigma[touched], limits)
@@ -143,7 +139,7 @@ def model_error(beams: Beams, fit: Fit, top: float) -> tuple[float, float]:
         As much as the beams prove, and as much as they leave possible, at two standard deviations.
     """
     origins, directions, ranges, background, sigmas = beams.arrays
-    expected = beams.prism_ranges(fit.footprint, top)
+    expected = _ranges(beams, fit, top)
     tolerance = beams.settings.tolerance_of(Obstacle(fit.footprint, top).size)
     hit = expected < background
     with np.errstate(invalid="ignore"):
@@ -165,6 +161,10 @@ def model_error(beams: Beams, fit: Fit, top: float) -> tuple[float, float]:
     margin = 2.0 * float(np.sqrt(np.mean(2.0 / total[seen] ** 2) / len(mean)))
     low, high = max(excess - margin, 0.0), max(excess + margin, 0.0)
     return float(np.sqrt(low)), float(np.sqrt(high))
+
+
+def _ranges(beams: Beams, fit: Fit, top: float) -> Floats:
+    return beams.prism_ranges(fit.points, top, is_round=fit.shape.is_round)
 
 
 def _stretches(footprint: Floats, at: Floats) -> tuple[np.ndarray, Floats, Floats]:
@@ -237,7 +237,7 @@ def _bent(scene: Scene, beams: Beams, candidate: Candidate, start: Floats) -> Ca
     that the beams tell all the same; a polygon near by shows what they would say without it.
     """
     shape, z = candidate.fit.shape, candidate.top.z
-    if isinstance(shape, Template) and shape.is_round:
+    if shape.is_round:
         return candidate
     footprint = shape.frame(start)[0]
     most = _BEND * scene.tolerance_of(Obstacle(footprint, z))

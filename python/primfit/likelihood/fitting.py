@@ -49,6 +49,12 @@ class Fit:
         return self.shape.frame(self.parameters)[0]
 
     @property
+    def points(self) -> Floats:
+        """Corners (m, 2), or ends of the axes (4, 2), metres, as beams meet it."""
+        points: Floats = self.shape.points(self.parameters[None])[0]
+        return points
+
+    @property
     def corner_sigma(self) -> float:
         """Largest standard deviation of a corner, metres."""
         _, jacobian = self.shape.frame(self.parameters)
@@ -192,7 +198,7 @@ def sample_posterior(
         if len(beams) <= how.few_beams:
             slack = top_slack = extent
         here, z = fit.footprint, top.z
-        local = beams.around(here, z, slack, top_slack)
+        local = beams.around(fit.points, z, slack, top_slack, is_round=shape.is_round)
         cost = partial(local.costs, shape.family, n_jobs=beams.n_jobs)
         if len(mean) <= beams.settings.sampling.few_parameters:
             found = sample(cost, mean, covariance, rng, effort)

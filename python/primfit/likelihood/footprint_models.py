@@ -2,7 +2,8 @@
 
 A model turns parameters into corners, and says how the corners change with them. A `Template` has
 x, y, angle and one or two sizes; a `FreePolygon` has the corners themselves. Parameters may have
-more entries behind these, which a model does not look at.
+more entries behind these, which a model does not look at. Beams meet circles and ellipses in closed
+form; polygons stand for them elsewhere.
 """
 
 from __future__ import annotations
@@ -23,9 +24,8 @@ from primfit.likelihood.settings import ModelSettings
 
 _ORIGIN = np.zeros(2)
 
-_ROUND, _ROUNDEST = 24, 64
-"""Corners that stand for a circle, of whose radius they are off by 0.6 % at the most; and in a
-report, 0.08 %."""
+_ROUND = 64
+"""Corners that stand for a circle, of whose radius they are off by 0.08 %."""
 
 
 class FootprintModel(ABC):
@@ -34,10 +34,13 @@ class FootprintModel(ABC):
     kind: str
     """Its class name."""
 
+    is_round: bool = False
+    """Whether it is an ellipse."""
+
     @property
     @abstractmethod
     def family(self) -> _primfit.Family:
-        """What turns parameters into corners."""
+        """What turns parameters into corners, or into the ends of the axes of an ellipse."""
 
     @property
     @abstractmethod
@@ -48,13 +51,23 @@ class FootprintModel(ABC):
     def log_prior(self, scale: float) -> float:
         """Logarithm of the density of parameters beforehand, with sizes up to `scale`, metres."""
 
+    def points(self, parameters: Floats) -> Floats:
+        """Corners, or ends of axes, (n, k, 2) for parameters (n, n_parameters or more)."""
+        return self.family.footprints(np.ascontiguousarray(parameters))
+
     def footprints(self, parameters: Floats) -> Floats:
         """Corners (n, m, 2) for parameters (n, n_parameters or more)."""
-        return self.family.footprints(np.ascontiguousarray(parameters))
+        points = self.points(parameters)
+        return np.einsum("mk,nki->nmi", _OUTLINE, points) if self.is_round else points
 
     def frame(self, parameters: Floats) -> tuple[Floats, Floats]:
         """Corners (m, 2) for one set of parameters, and how they change with each (2m, d)."""
-        return self.family.frame(np.ascontiguousarray(parameters))
+        points, changes = self.family.frame(np.ascontiguousarray(parameters))
+        if not self.is_round:
+            return points, changes
+        ends = changes.reshape(4, 2, -1)
+        corners = np.einsum("mk,kij->mij", _OUTLINE, ends).reshape(2 * _ROUND, -1)
+        return np.einsum("mk,ki->mi", _OUTLINE, points), corners
 
     def is_proper(self, parameters: Floats) -> Bools:
         """Which parameters (n, d) are of this kind."""
@@ -67,7 +80,7 @@ class FootprintModel(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Template(FootprintModel):
-    """A kind of footprint with one or two sizes, which are positive.
+    """A kind of footprint with one or two sizes, which are positive; a circle has no angle.
 
     A star whose notches are shallower than `slimmest` is no star. Either side of a rectangle may be
     the longer one, lest nearly square ones cannot move.
@@ -78,15 +91,15 @@ class Template(FootprintModel):
     n_sizes : int
         1, or 2 for rectangle and star.
     period : float, radians
-        The turn that lays it onto itself.
+        The turn that lays it onto itself; zero where any does.
     axes : (n_sizes, m) complex128
-        Corners at angle zero for a unit of each size; they add.
+        Corners, or ends of axes, at angle zero for a unit of each size; they add.
     sizes_of_area : callable
         Sizes to start from, for an area.
     slimmest : float
         Greatest second size over the first.
     is_round : bool
-        Whether its corners stand for a curve.
+        Whether it is an ellipse, and its corners are the ends of the axes.
     """
 
     kind: str
@@ -99,23 +112,40 @@ class Template(FootprintModel):
 
     @cached_property
     def family(self) -> _primfit.Family:
-        """What turns parameters into corners."""
+        """What turns parameters into corners, or into the ends of axes."""
         axes = self.axes.view(np.float64).reshape(*self.axes.shape, 2)
-        return _primfit.Family.template(axes, self.slimmest)
+        return _primfit.Family.template(axes, self.slimmest, self.is_round, self.has_angle)
+
+    @property
+    def has_angle(self) -> bool:
+        """Whether a turn changes it."""
+        return self.period > 0.0
 
     @property
     def n_parameters(self) -> int:
-        """x, y, angle and the sizes."""
-        return 3 + self.n_sizes
+        """x, y, angle if it has one, and the sizes."""
+        return 2 + self.has_angle + self.n_sizes
+
+    def apart(self, parameters: Floats) -> tuple[Floats, Floats]:
+        """x, y and angle (3,), zero where it has none, and the sizes."""
+        if self.has_angle:
+            return parameters[:3], parameters[3 : self.n_parameters]
+        return np.append(parameters[:2], 0.0), parameters[2 : self.n_parameters]
+
+    def together(self, place: Floats, sizes: Floats) -> Floats:
+        """Parameters for x, y and angle (3,) and the sizes."""
+        return np.append(place if self.has_angle else place[:2], sizes)
 
     def moved(self, parameters: Floats, motion: Motion) -> Floats:
         """Place and angle change, sizes do not."""
         place = motion.of(parameters[None, :2])[0]
+        if not self.has_angle:
+            return np.array([*place, *parameters[2:]])
         return np.array([*place, parameters[2] + motion.turn, *parameters[3:]])
 
     def log_prior(self, scale: float) -> float:
         """Uniform in place, angle and sizes."""
-        angle = 0.0 if self.kind == "circle" else np.log(self.period)
+        angle = np.log(self.period) if self.has_angle else 0.0
         return -float(angle + (2 + self.n_sizes) * np.log(scale))
 
 
@@ -193,32 +223,35 @@ def _star(n: int) -> Template:
     )
 
 
-def _corners_of_circle(n: int) -> np.ndarray:
-    """Corners of a regular polygon with the area of a circle of radius one."""
-    radius = np.sqrt(2 * np.pi / (n * np.sin(2 * np.pi / n)))
-    corners: np.ndarray = radius * np.exp(2j * np.pi * np.arange(n) / n)
-    return corners
+def _outline(n: int) -> Floats:
+    """Corners of a polygon with an ellipse's area, as weights (n, 4) of the ends of its axes."""
+    scale = np.sqrt(2 * np.pi / (n * np.sin(2 * np.pi / n)))
+    angles = 2 * np.pi * np.arange(n) / n
+    arms = 0.5 * scale * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    weights: Floats = 0.25 + np.concatenate([arms, -arms], axis=1)
+    return weights
 
 
-def _circle(n: int) -> Template:
+_OUTLINE = _outline(_ROUND)
+
+
+def _circle() -> Template:
     return Template(
         "circle",
         1,
-        # A turn changes nothing but which corners there are.
-        2 * np.pi / n,
-        _corners_of_circle(n)[None],
+        0.0,
+        np.array([[1, 1j, -1, -1j]]),
         lambda area: [(float(np.sqrt(area / np.pi)),)],
         is_round=True,
     )
 
 
-def _ellipse(n: int) -> Template:
-    corners = _corners_of_circle(n)
+def _ellipse() -> Template:
     return Template(
         "ellipse",
         2,
         np.pi,
-        np.stack([corners.real + 0j, 1j * corners.imag]),
+        np.array([[1, 0, -1, 0], [0, 1j, 0, -1j]]),
         lambda area: [
             (float(np.sqrt(area * ratio / np.pi)), float(np.sqrt(area / ratio / np.pi)))
             for ratio in (1.3, 2.0)
@@ -229,15 +262,9 @@ def _ellipse(n: int) -> Template:
 
 
 RECTANGLE, SQUARE = _rectangle(), _regular(4)
-CIRCLE, ELLIPSE = _circle(_ROUND), _ellipse(_ROUND)
+CIRCLE, ELLIPSE = _circle(), _ellipse()
 
-FINEST: dict[FootprintModel, FootprintModel] = {
-    CIRCLE: _circle(_ROUNDEST),
-    ELLIPSE: _ellipse(_ROUNDEST),
-}
-"""The same with the same parameters and more corners, for a report."""
-
-NESTED: dict[FootprintModel, FootprintModel] = {RECTANGLE: SQUARE, ELLIPSE: CIRCLE}
+NESTED: dict[Template, Template] = {RECTANGLE: SQUARE, ELLIPSE: CIRCLE}
 """Kinds of two sizes, and what they are when these are equal."""
 
 REGULAR = {n: SQUARE if n == 4 else _regular(n) for n in range(3, 9)}
@@ -251,8 +278,11 @@ TEMPLATES = (*REGULAR.values(), RECTANGLE, *STARS.values(), CIRCLE)
 
 
 def n_sizes(model: FootprintModel) -> int:
-    """How many lengths a kind has besides its place: the fewer, the simpler."""
-    return model.n_sizes if isinstance(model, Template) else model.n_parameters
+    """How many lengths a kind has besides its place: the fewer, the simpler.
+
+    A circle has one number less than a regular polygon: no angle.
+    """
+    return model.n_parameters - 3 if isinstance(model, Template) else model.n_parameters
 
 
 def related(
@@ -264,28 +294,28 @@ def related(
     notches a regular polygon, one of many corners a circle, a free polygon one with a corner less,
     a regular one, a rectangle, a circle or an ellipse.
     """
-    place, sizes = parameters[:3], parameters[3:]
-    if isinstance(model, FreePolygon):
+    if not isinstance(model, Template):
         footprint = model.footprints(parameters[None])[0]
         simpler = without_flattest(footprint, how.flat)
         starts = [] if simpler is None else [(FreePolygon(len(simpler)), simpler.ravel())]
         return starts + _named(footprint) + _round(footprint, how.round_corners)
+    place, sizes = model.apart(parameters)
     found: list[tuple[FootprintModel, Floats]] = []
     if model is RECTANGLE:
-        found.append((ELLIPSE, np.append(place, sizes / np.sqrt(3.0))))
+        found.append((ELLIPSE, ELLIPSE.together(place, sizes / np.sqrt(3.0))))
     for two, one in NESTED.items():
         if model is one:
-            found.append((two, np.append(place, [sizes[0], sizes[0]])))
+            found.append((two, two.together(place, np.repeat(sizes, 2))))
         if model is two and max(sizes) < how.nearly * min(sizes):
-            found.append((one, np.append(place, np.sqrt(sizes[0] * sizes[1]))))
+            found.append((one, one.together(place, np.sqrt(sizes[:1] * sizes[1:]))))
     if found:
         return found
-    if isinstance(model, Template) and model.kind == "star":
+    if model.kind == "star":
         regular = REGULAR[model.axes.shape[1] // 2]
         if sizes[1] > how.shallow * model.slimmest * sizes[0]:
             tip = sizes[0] * model.axes[0, 0] / regular.axes[0, 0]
             return [(regular, np.array([*place[:2], place[2] + np.angle(tip), np.abs(tip)]))]
-    if isinstance(model, Template) and model.kind not in ("star", "rectangle", "ellipse"):
+    if model.kind not in ("star", "rectangle", "ellipse"):
         return _round(model.footprints(parameters[None])[0], how.round_corners)
     return []
 
@@ -318,7 +348,7 @@ def _round(footprint: Floats, least: int) -> list[tuple[FootprintModel, Floats]]
     fit = footprints.fit_ellipse(footprint)
     radius = np.sqrt(fit.long * fit.short)
     return [
-        (CIRCLE, np.array([*center, 0.0, radius])),
+        (CIRCLE, np.array([*center, radius])),
         (ELLIPSE, np.array([*center, fit.angle, fit.long, fit.short])),
     ]
 

@@ -15,7 +15,7 @@ from primfit._check import Bools, Floats
 from primfit.likelihood.bundle import Normal, Problem, Robust, descend, settled
 from primfit.likelihood.candidates import tolerance_of
 from primfit.likelihood.fitting import Fit
-from primfit.likelihood.footprint_models import NESTED, FootprintModel, n_sizes
+from primfit.likelihood.footprint_models import NESTED, FootprintModel, Template, n_sizes
 from primfit.likelihood.hypotheses import Hypothesis
 from primfit.likelihood.refinement import ALTERNATIVES, best_instead, prune
 from primfit.likelihood.scene import Recording, Scene
@@ -76,25 +76,25 @@ def simplest_kinds(problem: Problem) -> Problem:
 def _with_two_sizes(solid: Hypothesis) -> Hypothesis:
     """A solid as its rival of which it is a special case, if it has such a rival."""
     for rival in solid.candidates[1:]:
-        if NESTED.get(rival.fit.shape) is solid.best.fit.shape:
-            sizes = np.repeat(solid.best.fit.parameters[3], 2)
-            parameters = np.append(solid.best.fit.parameters[:3], sizes)
-            return _as_kind(solid, rival.fit.shape, parameters)
+        one, two = solid.best.fit.shape, rival.fit.shape
+        if isinstance(one, Template) and isinstance(two, Template) and NESTED.get(two) is one:
+            place, sizes = one.apart(solid.best.fit.parameters)
+            return _as_kind(solid, two, two.together(place, np.repeat(sizes, 2)))
     return solid
 
 
 def _simpler(scene: Scene, solid: Hypothesis, covariance: Floats) -> Hypothesis:
     """A solid with two sizes as one with one, if these are equal but for noise and tolerance."""
     shape, parameters = solid.best.fit.shape, solid.best.fit.parameters
-    if shape not in NESTED:
+    if not isinstance(shape, Template) or shape not in NESTED:
         return solid
-    sizes = parameters[3:5]
+    place, sizes = shape.apart(parameters)
     variance = float(covariance[3, 3] - 2.0 * covariance[3, 4] + covariance[4, 4])
     off = max(abs(sizes[0] - sizes[1]) - 2.0 * tolerance_of(scene, solid), 0.0)
     if 0.5 * off**2 > scene.settings.selection.size_price * variance:
         return solid
-    parameters = np.append(parameters[:3], np.sqrt(sizes[0] * sizes[1]))
-    return _as_kind(solid, NESTED[shape], parameters)
+    simpler = NESTED[shape]
+    return _as_kind(solid, simpler, simpler.together(place, np.sqrt(sizes[:1] * sizes[1:])))
 
 
 def _as_kind(solid: Hypothesis, shape: FootprintModel, parameters: Floats) -> Hypothesis:

@@ -105,18 +105,21 @@ def _first_guesses(beams: Beams, template: Template, region: Region, top: float)
     if region.is_cut:
         steps = [[x, y] for x in (-1, 0, 1) for y in (-1, 0, 1)]
         shares, moves = how.cut_shares, how.move * region.size * np.array(steps)
-    n_turns = int(np.ceil(template.period / how.turn))
+    n_turns = max(int(np.ceil(template.period / how.turn)), 1)
     guesses = np.array(
         [
-            [*center, angle, *sizes]
+            template.together(np.array([*center, angle]), np.array(sizes))
             for center in region.center + moves
             for angle in np.arange(n_turns) / n_turns * template.period
             for share in shares
             for sizes in template.sizes_of_area(share * region.area)
         ]
     )
-    costs = beams.costs(template.footprints(guesses), np.full(len(guesses), top))
+    tops = np.full(len(guesses), top)
+    costs = beams.costs(template.points(guesses), tops, is_round=template.is_round)
     best = guesses[int(np.argmin(costs))]
+    if not template.has_angle:
+        return [best]
     turn = (guesses[:, 2] - best[2] + template.period / 2) % template.period - template.period / 2
     costs[np.abs(turn) < template.period / 5] = np.inf
     if not np.isfinite(costs).any():

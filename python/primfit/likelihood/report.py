@@ -52,7 +52,7 @@ def to_detection(
 
     def add_walls(part: int, fit: Fit, side: float) -> list[int]:
         """Numbers of the walls that returns explain; a curve has none."""
-        if isinstance(fit.shape, Template) and fit.shape.is_round:
+        if fit.shape.is_round:
             return []
         numbers = []
         own = np.flatnonzero(explained & (parts == part))
@@ -201,7 +201,10 @@ def _measures(
         _, corners = fit.shape.frame(fit.parameters)
         outline = free_polygon(fit.footprint, corners @ fit.covariance @ corners.T)
         return outline.footprint, outline.angle, outline.size, outline.covariance
-    sizes = tuple(float(size) for size in fit.parameters[3:])
-    angle = 0.0 if fit.shape.kind == "circle" else wrap(float(fit.parameters[2]), fit.shape.period)
-    size = sizes[0] if len(sizes) == 1 else (sizes[0], sizes[1])
-    return fit.footprint, angle, size, fit.covariance
+    place, sizes = fit.shape.apart(fit.parameters)
+    size = float(sizes[0]) if len(sizes) == 1 else (float(sizes[0]), float(sizes[1]))
+    if not fit.shape.has_angle:
+        # The angle of a circle is zero by definition.
+        rest = np.insert(np.insert(fit.covariance, 2, 0.0, axis=0), 2, 0.0, axis=1)
+        return fit.footprint, 0.0, size, rest
+    return fit.footprint, wrap(float(place[2]), fit.shape.period), size, fit.covariance

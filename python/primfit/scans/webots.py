@@ -1,4 +1,4 @@
-"""The paper's simulator as a source of scans: its `Lidar` node, and a project that it runs.
+"""The paper's simulator as a source of scans: its sensors, and a project that it runs.
 
 What is written follows the documentation of R2023b; it was not run in Webots itself.
 """
@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from primfit._check import Floats, instance
 from primfit._files import as_path, replacing
 from primfit.scans.scanning import as_transforms
+from primfit.sensors.depth_camera import OPTICAL, DepthCamera
 from primfit.sensors.lidar import Lidar
 from primfit.sensors.mounts import E_PUCK_TURRET
 from primfit.worlds.formats.vrml import Node, nodes_of
@@ -34,6 +35,17 @@ _FIELDS = {
     "resolution": ("resolution", -1.0),
 }
 """Parameters of `Lidar`, with their names and defaults in Webots."""
+
+_RANGE_FINDER = {
+    "field_of_view": ("fieldOfView", 0.7854),
+    "width": ("width", 64),
+    "height": ("height", 64),
+    "min_range": ("minRange", 0.01),
+    "max_range": ("maxRange", 1.0),
+    "noise": ("noise", 0.0),
+    "resolution": ("resolution", -1.0),
+}
+"""The same of `DepthCamera.range_finder`."""
 
 _CONTROLLER = '''"""Scans from each of the poses in poses.npy into scan.npz; written by primfit."""
 
@@ -64,27 +76,52 @@ robot.simulationSetMode(Supervisor.SIMULATION_MODE_PAUSE)
 
 def lidar_of_webots(file: str | PathLike[str]) -> Lidar:
     """The lidar that `Lidar.from_webots` gives."""
+    node, mount = _first(as_path(file), "Lidar")
+    return Lidar(**_settings(node, _FIELDS), mount=mount)
+
+
+def camera_of_webots(file: str | PathLike[str]) -> DepthCamera:
+    """The camera that `DepthCamera.from_webots` gives."""
     path = as_path(file)
+    node, mount = _first(path, "RangeFinder")
+    # The word of R2023b, and that of releases before.
+    projection = node.fields.get("projection", "planar")
+    projection = "spherical" if node.fields.get("spherical", False) else projection
+    if projection != "planar":
+        raise ValueError(f"RangeFinder of {path} must have a planar projection, not {projection}")
+    # Its node looks along x with z up, its image along z with y down.
+    mount = mount.copy()
+    mount[:3, :3] = mount[:3, :3] @ OPTICAL
+    return DepthCamera.range_finder(**_settings(node, _RANGE_FINDER), mount=mount)
+
+
+def _settings(node: Node, fields: dict[str, tuple[str, Any]]) -> dict[str, Any]:
+    found = {}
+    for name, (theirs, default) in fields.items():
+        value = node.fields.get(theirs, [default])
+        if not isinstance(value, list) or len(value) != 1 or not isinstance(value[0], int | float):
+            raise ValueError(f"{theirs} of {node.kind} must be a number, not {value!r}")
+        found[name] = type(default)(value[0])
+    return found
+
+
+def _first(path: Path, kind: str) -> tuple[Node, Floats]:
+    """The first node of a kind in a world, and where it is in the frame of its robot."""
     text = path.read_text(encoding="utf-8", errors="replace")
     try:
         nodes = nodes_of(text)
     except ValueError as error:
         raise ValueError(f"{path} is not a world of Webots: {error}") from None
-    found = next((each for node in nodes for each in _lidars(node, np.eye(4))), None)
+    found = next((each for node in nodes for each in _sensors(node, kind, np.eye(4))), None)
     if found is None:
-        raise ValueError(f"{path} has no node Lidar")
-    node, mount = found
-    settings: dict[str, Any] = {}
-    for name, (theirs, default) in _FIELDS.items():
-        (value,) = node.fields.get(theirs, [default])
-        settings[name] = type(default)(value)
-    return Lidar(**settings, mount=mount)
+        raise ValueError(f"{path} has no node {kind}")
+    return found
 
 
-def _lidars(node: Node, frame: Floats) -> Iterator[tuple[Node, Floats]]:
-    """Lidars in a node, each with where it is in the frame of its robot."""
+def _sensors(node: Node, kind: str, frame: Floats) -> Iterator[tuple[Node, Floats]]:
+    """Sensors of a kind in a node, each with where it is in the frame of its robot."""
     own = frame @ placement(node, is_y_up=False)
-    if node.kind == "Lidar":
+    if node.kind == kind:
         yield node, own
     if node.kind == "Robot" or "controller" in node.fields or "turretSlot" in node.fields:
         own = np.eye(4)
@@ -93,7 +130,7 @@ def _lidars(node: Node, frame: Floats) -> Iterator[tuple[Node, Floats]]:
         if name == "turretSlot":
             slot[:3, 3] = E_PUCK_TURRET
         for child in children_of(node, name):
-            yield from _lidars(child, own @ slot)
+            yield from _sensors(child, kind, own @ slot)
 
 
 def export_webots(

@@ -1,13 +1,17 @@
-"""Depth cameras by their data sheets."""
+"""Depth cameras by their data sheets and by files."""
 
 from __future__ import annotations
 
-from typing import Any, Self
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from primfit._check import integer, number
+
+if TYPE_CHECKING:
+    from primfit.sensors.depth_camera import DepthCamera
 
 MOST_PIXELS = 20_000
 """Rows, or columns, of an image."""
@@ -146,6 +150,34 @@ class DepthCameraPresets:
             "resolution": resolution,
         }
         return cls(**(sheet | {"mount": mount}))
+
+    @classmethod
+    def from_webots(cls, file: str | PathLike[str]) -> DepthCamera:
+        """The first `RangeFinder` of a world of Webots, with its mount in the frame of its robot.
+
+        Parameters
+        ----------
+        file : path
+            Of R2022a or later (.wbt), where z is up and range finders look along x.
+
+        Raises
+        ------
+        OSError
+            When the file cannot be opened.
+        ValueError
+            When it is no such world, has no `RangeFinder`, or one whose projection is not planar.
+
+        Examples
+        --------
+        >>> import primfit, pathlib, tempfile
+        >>> file = pathlib.Path(tempfile.mkdtemp()) / "robot.wbt"
+        >>> _ = file.write_text("Robot { children RangeFinder { width 80 } }")
+        >>> primfit.DepthCamera.from_webots(file).width
+        80
+        """
+        from primfit.scans.webots import camera_of_webots
+
+        return camera_of_webots(file)
 
 
 def _focal(width: int, field_of_view: float) -> dict[str, Any]:

@@ -85,7 +85,8 @@ class FoundSolid:
     ) -> FoundSolid:
         """An upright prism over a footprint (m, 2) of which kind, angle and size are known.
 
-        The `covariance` is that of the center's x and y, the angle and the one or two sizes.
+        The `covariance` is that of the center's x and y, the angle and the one or two sizes. The
+        angle of a circle is zero by definition, and so are its row and column.
         """
         height = top - base if np.isfinite(height_sigma) else np.nan
         return cls(

@@ -30,6 +30,7 @@ pub trait Lanes:
     fn min(self, other: Self) -> Self;
     fn max(self, other: Self) -> Self;
     fn abs(self) -> Self;
+    fn sqrt(self) -> Self;
     /// `self`, negated where `sign` is negative.
     fn flip(self, sign: Self) -> Self;
     /// A bit for each lane that is not greater than that of `other`.
@@ -175,6 +176,10 @@ impl<const N: usize> Lanes for Plain<N> {
         Self(self.0.map(f32::abs))
     }
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(f32::sqrt))
+    }
+    #[inline(always)]
     fn flip(self, sign: Self) -> Self {
         self.zip(sign, |a, sign| f32::from_bits(a.to_bits() ^ (sign.to_bits() & 1 << 31)))
     }
@@ -218,6 +223,20 @@ mod tests {
     for_each_set! {
         fn any_negative(a: &[f32; 16]) -> bool {
             <Set as Isa>::Sixteen::load(a).any_negative()
+        }
+    }
+
+    for_each_set! {
+        fn roots(a: &[f32; 16]) -> [f32; 16] {
+            <Set as Isa>::Sixteen::load(a).sqrt().store()
+        }
+    }
+
+    #[test]
+    fn roots_are_rounded_as_ieee_wants() {
+        let a = std::array::from_fn(|i| (i as f32).powi(9) * 0.37);
+        for set in Instructions::available() {
+            assert_eq!(roots(set, &a), a.map(f32::sqrt));
         }
     }
 

@@ -4,6 +4,7 @@ mod beams;
 mod carving;
 mod climbing;
 mod costs;
+mod ellipse;
 mod expansion;
 mod family;
 mod lines;
@@ -33,7 +34,7 @@ use meeting::{Real, Walls};
 #[must_use]
 pub fn wall_depths(beams: &BeamBlocks, footprint: &[[f64; 2]]) -> Vec<f64> {
     let (bottom, top) = (f64::NEG_INFINITY, f64::INFINITY);
-    prism_ranges(beams, &Candidate { footprint, bottom, top, is_open: true })
+    prism_ranges(beams, &Candidate { footprint, is_round: false, bottom, top, is_open: true })
 }
 
 /// How far along each beam it first meets a prism; infinite for never.

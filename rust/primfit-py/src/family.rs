@@ -38,28 +38,47 @@ impl Family {
     }
 }
 
+/// A polygon has three corners at the least, an ellipse four ends of its axes.
+pub fn check_corners(n_corners: usize, is_round: bool) -> PyResult<()> {
+    if is_round && n_corners != 4 {
+        let message = format!("an ellipse must have 4 ends of axes, not {n_corners}");
+        return Err(PyValueError::new_err(message));
+    }
+    if n_corners < 3 {
+        let message = format!("a footprint must have 3 corners, not {n_corners}");
+        return Err(PyValueError::new_err(message));
+    }
+    Ok(())
+}
+
 #[pymethods]
 impl Family {
-    /// Of axes (k, m, 2), the last size at most `slimmest` times the first.
+    /// Of axes (k, m, 2), the last size at most `slimmest` times the first. The corners of a round
+    /// one are the four ends of the axes of an ellipse; the angle may be no parameter.
     #[staticmethod]
-    fn template(axes: PyReadonlyArray3<f64>, slimmest: f64) -> PyResult<Self> {
+    #[pyo3(signature = (axes, slimmest, is_round=false, has_angle=true))]
+    fn template(
+        axes: PyReadonlyArray3<f64>,
+        slimmest: f64,
+        is_round: bool,
+        has_angle: bool,
+    ) -> PyResult<Self> {
         let &[n_sizes, n_corners, 2] = axes.shape() else {
             return Err(PyValueError::new_err("axes must have shape (k, m, 2)"));
         };
-        if n_sizes == 0 || n_corners < 3 {
-            return Err(PyValueError::new_err("axes must have a size and 3 corners"));
+        if n_sizes == 0 {
+            return Err(PyValueError::new_err("axes must have a size"));
         }
+        check_corners(n_corners, is_round)?;
         let corners: &[[f64; 2]] = axes.as_slice()?.as_chunks().0;
         let axes = corners.chunks(n_corners).map(<[_]>::to_vec).collect();
-        Ok(Self(primfit_core::Family::Template { axes, slimmest }))
+        Ok(Self(primfit_core::Family::Template { axes, slimmest, is_round, has_angle }))
     }
 
     /// Of all polygons with so many corners.
     #[staticmethod]
     fn polygon(n_corners: usize) -> PyResult<Self> {
-        if n_corners < 3 {
-            return Err(PyValueError::new_err(format!("n_corners must be 3, not {n_corners}")));
-        }
+        check_corners(n_corners, false)?;
         Ok(Self(primfit_core::Family::Polygon(n_corners)))
     }
 

@@ -2,7 +2,7 @@
 
 use crate::arrays::{rows, same_length};
 use crate::door;
-use crate::family::Family;
+use crate::family::{Family, check_corners};
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
@@ -89,7 +89,9 @@ impl BeamBlocks {
         self.0.len()
     }
 
-    #[pyo3(signature = (footprints, bottoms, tops, is_open=false, n_jobs=None))]
+    #[pyo3(signature = (
+        footprints, bottoms, tops, is_open=false, is_round=false, n_jobs=None,
+    ))]
     // What the prisms are, and by how many threads.
     #[allow(clippy::too_many_arguments)]
     fn costs<'py>(
@@ -99,12 +101,13 @@ impl BeamBlocks {
         bottoms: PyReadonlyArray1<f64>,
         tops: PyReadonlyArray1<f64>,
         is_open: bool,
+        is_round: bool,
         n_jobs: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let &[n, n_corners, 2] = footprints.shape() else {
             return Err(PyValueError::new_err("footprints must have shape (k, m, 2)"));
         };
-        at_least_three(n_corners)?;
+        check_corners(n_corners, is_round)?;
         let (bottoms, tops) = (bottoms.as_slice()?, tops.as_slice()?);
         same_length("bottoms", bottoms.len(), "footprints", n)?;
         same_length("tops", tops.len(), "footprints", n)?;
@@ -112,6 +115,7 @@ impl BeamBlocks {
         let candidates: Vec<Candidate> = (0..n)
             .map(|k| Candidate {
                 footprint: &corners[k * n_corners..(k + 1) * n_corners],
+                is_round,
                 bottom: bottoms[k],
                 top: tops[k],
                 is_open,
@@ -128,24 +132,28 @@ impl BeamBlocks {
         py: Python<'py>,
         footprint: PyReadonlyArray2<f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let footprint = corners(&footprint)?;
+        let footprint = corners(&footprint, false)?;
         Ok(py.detach(|| primfit_core::wall_depths(&self.0, footprint)).into_pyarray(py))
     }
 
     /// Range at which each beam first meets a prism; infinite for never.
+    #[pyo3(signature = (footprint, bottom, top, is_round=false))]
     fn prism_ranges<'py>(
         &self,
         py: Python<'py>,
         footprint: PyReadonlyArray2<f64>,
         bottom: f64,
         top: f64,
+        is_round: bool,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let candidate = Candidate { footprint: corners(&footprint)?, bottom, top, is_open: false };
+        let footprint = corners(&footprint, is_round)?;
+        let candidate = Candidate { footprint, is_round, bottom, top, is_open: false };
         Ok(py.detach(|| primfit_core::prism_ranges(&self.0, &candidate)).into_pyarray(py))
     }
 
     #[pyo3(signature = (
         footprint, bottom, top, slack=0.0, top_slack=0.0, weight=1.0, is_open=false,
+        is_round=false,
     ))]
     // What the prism is, where it stands, and how far it may move.
     #[allow(clippy::too_many_arguments)]
@@ -159,8 +167,10 @@ impl BeamBlocks {
         top_slack: f64,
         weight: f64,
         is_open: bool,
+        is_round: bool,
     ) -> PyResult<Local> {
-        let candidate = Candidate { footprint: corners(&footprint)?, bottom, top, is_open };
+        let footprint = corners(&footprint, is_round)?;
+        let candidate = Candidate { footprint, is_round, bottom, top, is_open };
         let region = Region { candidate, slack, top_slack };
         Ok(Local(py.detach(|| primfit_core::Local::new(&self.0, region, weight))))
     }
@@ -226,28 +236,18 @@ impl Local {
         n_jobs: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (rows, family) = (family.rows(&parameters)?, family.core());
-        same_length(
-            "corners of the family",
-            family.n_corners(),
-            "the footprint",
-            self.0.n_corners(),
-        )?;
+        if !self.0.is_of(family) {
+            return Err(PyValueError::new_err("family must be that of the footprint"));
+        }
         let costs = door::enter(py, n_jobs, |workers| self.0.costs(family, &rows, workers))?;
         Ok(costs.into_pyarray(py))
     }
 }
 
-fn corners<'a>(footprint: &'a PyReadonlyArray2<f64>) -> PyResult<&'a [[f64; 2]]> {
+fn corners<'a>(footprint: &'a PyReadonlyArray2<f64>, is_round: bool) -> PyResult<&'a [[f64; 2]]> {
     let corners = rows("footprint", footprint)?;
-    at_least_three(corners.len())?;
+    check_corners(corners.len(), is_round)?;
     Ok(corners)
-}
-
-fn at_least_three(n_corners: usize) -> PyResult<()> {
-    if n_corners >= 3 {
-        return Ok(());
-    }
-    Err(PyValueError::new_err(format!("a footprint must have 3 corners, not {n_corners}")))
 }
 
 #[pyfunction]

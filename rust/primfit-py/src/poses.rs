@@ -41,6 +41,7 @@ impl Prisms<'_> {
         Ok((0..n)
             .map(|k| Candidate {
                 footprint: &corners[starts[k]..starts[k + 1]],
+                is_round: false,
                 bottom: bottoms[k],
                 top: tops[k],
                 is_open: is_open[k],

@@ -22,7 +22,7 @@ impl Isa for Avx512 {
 macro_rules! lanes {
     ($name:ident, $register:ty, $array:ty, $doubles:ty, $splat:ident, $load:ident,
      |$wide:ident| $narrow:block, $store:ident, $add:ident, $sub:ident, $mul:ident, $div:ident,
-     $mul_add:ident, $min:ident, $max:ident,
+     $mul_add:ident, $min:ident, $max:ident, $sqrt:ident,
      $and:ident, $and_not:ident, $xor:ident,
      |$a:ident, $b:ident| $le:block, |$all:ident| $greatest:block, $any:block,
      |$c:ident, $d:ident, $yes:ident, $no:ident| $where_le:block, $where_negative:block) => {
@@ -115,6 +115,11 @@ macro_rules! lanes {
                 Self(unsafe { $and_not($splat(-0.0), self.0) })
             }
             #[inline(always)]
+            fn sqrt(self) -> Self {
+                // SAFETY: callers have enabled the instruction set.
+                Self(unsafe { $sqrt(self.0) })
+            }
+            #[inline(always)]
             fn flip(self, sign: Self) -> Self {
                 // SAFETY: callers have enabled the instruction set.
                 Self(unsafe { $xor(self.0, $and(sign.0, $splat(-0.0))) })
@@ -173,6 +178,7 @@ lanes!(
     _mm256_fmadd_ps,
     _mm256_min_ps,
     _mm256_max_ps,
+    _mm256_sqrt_ps,
     _mm256_and_ps,
     _mm256_andnot_ps,
     _mm256_xor_ps,
@@ -207,6 +213,7 @@ lanes!(
     _mm512_fmadd_ps,
     _mm512_min_ps,
     _mm512_max_ps,
+    _mm512_sqrt_ps,
     _mm512_and_ps,
     _mm512_andnot_ps,
     _mm512_xor_ps,
@@ -292,6 +299,10 @@ impl Lanes for Pair {
     #[inline(always)]
     fn abs(self) -> Self {
         Self(self.0.abs(), self.1.abs())
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.sqrt(), self.1.sqrt())
     }
     #[inline(always)]
     fn flip(self, sign: Self) -> Self {

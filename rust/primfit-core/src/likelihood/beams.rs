@@ -1,5 +1,6 @@
 //! Beams as the likelihood kernels read them: by coordinate, in blocks that fill registers.
 
+use super::ellipse::Ellipse;
 use super::meeting::{Beam, Real, Walls};
 use crate::Vector;
 use crate::lanes::Lanes;
@@ -58,11 +59,14 @@ pub struct Prices {
     pub missing: f64,
 }
 
-/// An upright prism: corners of its footprint in order, bottom and top.
+/// An upright prism or elliptic cylinder: its footprint, bottom and top.
 #[derive(Clone, Copy)]
 pub struct Candidate<'a> {
-    /// At least three corners in order, in either direction.
+    /// At least three corners in order, in either direction; if it is round, the four ends of the
+    /// axes of an ellipse, counter-clockwise.
     pub footprint: &'a [[f64; 2]],
+    /// Whether the footprint is an ellipse.
+    pub is_round: bool,
     /// z of its lower end.
     pub bottom: f64,
     /// z of its upper end.
@@ -151,12 +155,14 @@ impl BeamBlocks {
     /// A prism as the blocks see it.
     pub(crate) fn walls(&self, candidate: &Candidate) -> Walls<Real> {
         let [x, y, z] = self.middle;
+        let corners = if candidate.is_round { &[] } else { candidate.footprint };
+        let value = |of: &dyn Fn(&Candidate) -> f64| of(candidate) as Real;
         Walls {
-            corners: candidate
-                .footprint
+            corners: corners
                 .iter()
                 .map(|corner| [(corner[0] - x) as Real, (corner[1] - y) as Real])
                 .collect(),
+            ellipse: candidate.is_round.then(|| Ellipse::of(value, [x, y])),
             bottom: (candidate.bottom - z) as Real,
             top: (candidate.top - z) as Real,
             is_open: candidate.is_open,

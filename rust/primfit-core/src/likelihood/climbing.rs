@@ -84,6 +84,7 @@ impl Slope<'_> {
         let footprint: Vec<[f64; 2]> = self.family.footprint(parameters.as_slice()).collect();
         let candidate = Candidate {
             footprint: &footprint,
+            is_round: self.family.is_round(),
             bottom: self.bottom,
             top: self.top,
             is_open: self.is_open,

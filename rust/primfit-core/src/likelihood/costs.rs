@@ -4,6 +4,7 @@
 //! same walls beside a beam, and those that it passes cost next to nothing.
 
 use super::beams::{BeamBlocks, Candidate};
+use super::ellipse::Ellipse;
 use super::meeting::{Beam, Real, Walls};
 use crate::instructions::widest;
 use crate::lanes::{Isa, Lanes};
@@ -40,7 +41,7 @@ pub fn prism_costs(
     costs(&beams.beams, beams.middle, candidates, workers)
 }
 
-/// Of candidates with equally many corners, by beams relative to their middle.
+/// Of candidates of one kind with equally many corners, by beams relative to their middle.
 pub(super) fn costs(
     beams: &[Beam<Real>],
     middle: Vector,
@@ -70,12 +71,14 @@ fn side_by_side(group: &[Candidate], middle: Vector) -> Walls<[Real; LANES]> {
         std::array::from_fn(|i| value(&group[i.min(group.len() - 1)]) as Real)
     };
     let [x, y, z] = middle;
+    let is_round = group[0].is_round;
     Walls {
-        corners: (0..group[0].footprint.len())
+        corners: (0..if is_round { 0 } else { group[0].footprint.len() })
             .map(|k| {
                 [lanes(&|each| each.footprint[k][0] - x), lanes(&|each| each.footprint[k][1] - y)]
             })
             .collect(),
+        ellipse: is_round.then(|| Ellipse::of(lanes, [x, y])),
         bottom: lanes(&|each| each.bottom - z),
         top: lanes(&|each| each.top - z),
         is_open: group[0].is_open,

@@ -7,7 +7,8 @@
 
 use super::Candidate;
 use super::beams::{BLOCK, BeamBlocks, Block, Row};
-use super::meeting::{Real, Walls};
+use super::ellipse;
+use super::meeting::{Edges, Real, Walls};
 use crate::instructions::widest;
 use crate::lanes::{Isa, Lanes};
 
@@ -26,12 +27,9 @@ pub struct Expansion {
     pub open: Vec<usize>,
 }
 
-/// Sums over the beams that meet one wall, by the share of its second corner.
-#[derive(Clone, Copy, Default)]
-struct Sums {
-    gradient: [f64; 2],
-    information: [f64; 3],
-}
+/// Sums over the beams that meet one wall: the gradient by the share of its first and second corner,
+/// and the products of both.
+const N_SUMS: usize = 5;
 
 /// Second-order expansion of the cost of one prism, whose corners may move by `slack` in any
 /// direction and whose top by `top_slack` up and down; see [`Expansion`].
@@ -40,7 +38,11 @@ pub fn expand(beams: &BeamBlocks, candidate: &Candidate, slack: f64, top_slack: 
     let walls = beams.walls(candidate);
     let slack = (slack + top_slack > 0.0).then_some([slack as Real, top_slack as Real]);
     let (cost, sums, open) = sum_walls(beams, &walls, slack);
-    let (gradient, information) = assemble(candidate, &sums);
+    let (gradient, information) = if candidate.is_round {
+        ellipse::assemble(candidate, &sums)
+    } else {
+        assemble(candidate, sums.as_chunks().0)
+    };
     Expansion { cost, gradient, information, open }
 }
 
@@ -49,13 +51,15 @@ fn sum_walls(
     beams: &BeamBlocks,
     walls: &Walls<Real>,
     slack: Option<[Real; 2]>,
-) -> (f64, Vec<Sums>, Vec<usize>) {
+) -> (f64, Vec<f64>, Vec<usize>) {
     type Lane = <Set as Isa>::Sixteen;
-    let (mut cost, mut sums) = (0.0, vec![Sums::default(); walls.corners.len()]);
+    let n_sums = N_SUMS * walls.corners.len();
+    let n_sums = if walls.ellipse.is_some() { ellipse::N_SUMS } else { n_sums };
+    let (mut cost, mut sums) = (0.0, vec![0.0; n_sums]);
     let mut open = Vec::new();
-    let mut run_sums = vec![[Lane::splat(0.0); 5]; walls.corners.len()];
+    let mut run_sums = vec![Lane::splat(0.0); n_sums];
     for (run, blocks) in beams.blocks.chunks(RUN).enumerate() {
-        run_sums.fill([Lane::splat(0.0); 5]);
+        run_sums.fill(Lane::splat(0.0));
         let mut run_cost = Lane::splat(0.0);
         for (block, number) in blocks.iter().zip(run * RUN..) {
             let nearest = block.meet(walls, Lane::load(&block.background));
@@ -76,11 +80,8 @@ fn sum_walls(
             add_slopes(block, walls, nearest, weight, &mut run_sums);
         }
         cost += total(run_cost);
-        for (sums, run_sums) in sums.iter_mut().zip(&run_sums) {
-            let totals = run_sums.map(total);
-            for (sum, total) in sums.gradient.iter_mut().chain(&mut sums.information).zip(totals) {
-                *sum += total;
-            }
+        for (sum, &run_sum) in sums.iter_mut().zip(&run_sums) {
+            *sum += total(run_sum);
         }
     }
     (cost, sums, open)
@@ -94,17 +95,11 @@ fn total<L: Row>(lanes: L) -> f64 {
     lanes.store().iter().copied().map(f64::from).sum()
 }
 
-/// Adds what the beams of a block that meet each wall say of its corners.
+/// Adds what the beams of a block that meet each wall say of its corners, or of an ellipse.
 // Part of loops that are compiled for several instruction sets.
 #[allow(clippy::inline_always)]
 #[inline(always)]
-fn add_slopes<L: Row>(
-    block: &Block,
-    walls: &Walls<Real>,
-    nearest: L,
-    weight: L,
-    sums: &mut [[L; 5]],
-) {
+fn add_slopes<L: Row>(block: &Block, walls: &Walls<Real>, nearest: L, weight: L, sums: &mut [L]) {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     // Sigmas a metre where the range counts, else nothing, and no infinite residual beside it.
     let residual: L = block.residuals(nearest);
@@ -113,8 +108,12 @@ fn add_slopes<L: Row>(
     let square = L::splat(0.5) * residual * residual;
     let precision = L::load(&block.most).where_le(square, zero, precision);
     let residual = zero.where_le(zero - precision, zero, residual);
+    if let Some(ellipse) = &walls.ellipse {
+        ellipse::add_slopes(block, ellipse, nearest, residual, precision, sums);
+        return;
+    }
     let mut last = block.pass::<L, Real>(&walls.corners[walls.corners.len() - 1]);
-    for (&corner, sums) in walls.corners.iter().zip(sums) {
+    for (&corner, sums) in walls.corners.iter().zip(sums.as_chunks_mut::<N_SUMS>().0) {
         let next = block.pass(&corner);
         let is_between = last.is_between(next);
         if is_between.any_negative() {
@@ -136,7 +135,7 @@ fn add_slopes<L: Row>(
 
 /// The sums of the walls as derivatives by corner. A range changes with the corners of its wall
 /// along the wall's normal only.
-fn assemble(candidate: &Candidate, sums: &[Sums]) -> (Vec<f64>, Vec<f64>) {
+fn assemble(candidate: &Candidate, sums: &[[f64; N_SUMS]]) -> (Vec<f64>, Vec<f64>) {
     let m = candidate.footprint.len();
     let (mut gradient, mut matrix) = (vec![0.0; 2 * m], vec![0.0; 4 * m * m]);
     for (k, sums) in sums.iter().enumerate() {
@@ -144,12 +143,12 @@ fn assemble(candidate: &Candidate, sums: &[Sums]) -> (Vec<f64>, Vec<f64>) {
         let [a, b] = corners.map(|corner| candidate.footprint[corner]);
         let normal = [b[1] - a[1], a[0] - b[0]];
         // Rounding must not make information negative.
-        let [first, both, second] = sums.information;
+        let [_, _, first, both, second] = *sums;
         let most = (first * second).sqrt();
         let information = [first, both.clamp(-most, most), second];
         for (p, &row) in corners.iter().enumerate() {
             for x in 0..2 {
-                gradient[2 * row + x] += sums.gradient[p] * normal[x];
+                gradient[2 * row + x] += sums[p] * normal[x];
                 for (q, &column) in corners.iter().enumerate() {
                     for y in 0..2 {
                         matrix[(2 * row + x) * 2 * m + 2 * column + y] +=
@@ -174,10 +173,28 @@ fn may_change<L: Row>(
     top_slack: Real,
 ) -> u32 {
     let zero = L::splat(0.0);
-    let (bottom, top) = (L::splat(walls.bottom), L::splat(walls.top));
-    let (z, uz) = (L::load(&block.z), L::load(&block.uz));
-    let (level, background) = (L::load(&block.level), L::load(&block.background));
-    let [low, high] = [&block.low, &block.high].map(L::load);
+    let edges = Edges::of(block, walls, top_slack);
+    let (open, crossed) = match &walls.ellipse {
+        Some(ellipse) => ellipse::may_change(block, ellipse, nearest, slack, &edges),
+        None => corners_may_change(block, walls, nearest, slack, &edges),
+    };
+    let top = L::splat(walls.top - top_slack);
+    let over = !L::load(&block.z).le(top) & !zero.le(L::load(&block.uz));
+    if walls.is_open { open } else { open | over & crossed }
+}
+
+/// The same by the walls alone; and a bit for each beam that crosses one of them ahead.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn corners_may_change<L: Row>(
+    block: &Block,
+    walls: &Walls<Real>,
+    nearest: L,
+    slack: Real,
+    edges: &Edges<L>,
+) -> (u32, u32) {
+    let zero = L::splat(0.0);
+    let level = L::load(&block.level);
     // How far along a beam a wall may move that it crosses at right angles.
     let play = L::splat(slack) * L::load(&block.level.map(Real::sqrt));
     let (mut open, mut crossed) = (0, 0);
@@ -187,18 +204,9 @@ fn may_change<L: Row>(
         let next = block.pass(&corner);
         let length = (corner[0] - before[0]).hypot(corner[1] - before[1]);
         let (_, range) = last.crossing(next);
-        let height = z + range * uz;
         let slide = L::splat(slack * length) / (last.side - next.side).abs();
-        let rise = slide * uz.abs();
-        let at_top = (height - top).abs().le(L::splat(top_slack) + rise);
-        let at_bottom = (height - bottom).abs().le(rise);
-        let at_end = (range - background).abs().le(slide)
-            | (range - low).abs().le(slide)
-            | (range - high).abs().le(slide)
-            | range.abs().le(slide);
-        let reaches = range.le(background + slide) & (zero - slide).le(range);
         let crosses = !zero.le(last.is_between(next));
-        open |= crosses & reaches & (at_top | at_bottom | at_end);
+        open |= crosses & edges.may_change(range, slide);
         crossed |= crosses & zero.le(range);
         // A corner near the beam, before what it meets, may change sides.
         let near = (next.side * next.side * level).le(L::splat(slack * slack));
@@ -206,6 +214,5 @@ fn may_change<L: Row>(
         open |= near & ahead & next.depth.le(nearest + play + play);
         (last, before) = (next, corner);
     }
-    let over = !z.le(top - L::splat(top_slack)) & !zero.le(uz);
-    if walls.is_open { open } else { open | over & crossed }
+    (open, crossed)
 }

@@ -6,10 +6,15 @@ use nalgebra::DMatrix;
 pub enum Family {
     /// x, y, angle, and sizes that stretch an axis of all corners each.
     Template {
-        /// Corners at angle zero for a unit of each size; they add.
+        /// Corners at angle zero for a unit of each size, or the four ends of the axes of an
+        /// ellipse; they add.
         axes: Vec<Vec<[f64; 2]>>,
         /// Greatest last size over the first.
         slimmest: f64,
+        /// Whether its footprints are ellipses.
+        is_round: bool,
+        /// Whether the angle is a parameter, as for all but a circle.
+        has_angle: bool,
     },
     /// So many corners themselves.
     Polygon(usize),
@@ -29,20 +34,31 @@ impl Family {
     #[must_use]
     pub fn n_parameters(&self) -> usize {
         match self {
-            Self::Template { axes, .. } => 3 + axes.len(),
+            Self::Template { axes, .. } => self.n_places() + axes.len(),
             Self::Polygon(n_corners) => 2 * n_corners,
         }
+    }
+
+    /// Whether its footprints are ellipses.
+    #[must_use]
+    pub fn is_round(&self) -> bool {
+        matches!(self, Self::Template { is_round: true, .. })
+    }
+
+    /// How many parameters of a template are no sizes.
+    fn n_places(&self) -> usize {
+        if matches!(self, Self::Template { has_angle: true, .. }) { 3 } else { 2 }
     }
 
     /// Corners for some parameters.
     pub fn footprint(&self, parameters: &[f64]) -> impl Iterator<Item = [f64; 2]> {
         let turn = match self {
-            Self::Template { .. } => parameters[2].sin_cos(),
-            Self::Polygon(_) => (0.0, 1.0),
+            Self::Template { has_angle: true, .. } => parameters[2].sin_cos(),
+            _ => (0.0, 1.0),
         };
         (0..self.n_corners()).map(move |corner| match self {
             Self::Template { axes, .. } => {
-                let arm = turned(arm(axes, &parameters[3..], corner), turn);
+                let arm = turned(arm(axes, &parameters[self.n_places()..], corner), turn);
                 [parameters[0] + arm[0], parameters[1] + arm[1]]
             }
             Self::Polygon(_) => [parameters[2 * corner], parameters[2 * corner + 1]],
@@ -53,13 +69,16 @@ impl Family {
     #[must_use]
     pub fn changes(&self, parameters: &[f64]) -> DMatrix<f64> {
         let n = self.n_parameters();
-        let Self::Template { axes, .. } = self else { return DMatrix::identity(n, n) };
-        let turn = parameters[2].sin_cos();
+        let Self::Template { axes, has_angle, .. } = self else {
+            return DMatrix::identity(n, n);
+        };
+        let turn = if *has_angle { parameters[2].sin_cos() } else { (0.0, 1.0) };
         let mut changes = DMatrix::zeros(2 * self.n_corners(), n);
         for corner in 0..self.n_corners() {
-            let [x, y] = turned(arm(axes, &parameters[3..], corner), turn);
+            let [x, y] = turned(arm(axes, &parameters[self.n_places()..], corner), turn);
             let sizes = axes.iter().map(|axis| turned(axis[corner], turn));
-            let columns = [[1.0, 0.0], [0.0, 1.0], [-y, x]].into_iter().chain(sizes);
+            let places = [[1.0, 0.0], [0.0, 1.0], [-y, x]].into_iter().take(self.n_places());
+            let columns = places.chain(sizes);
             for (column, change) in columns.enumerate() {
                 changes[(2 * corner, column)] = change[0];
                 changes[(2 * corner + 1, column)] = change[1];
@@ -72,8 +91,8 @@ impl Family {
     #[must_use]
     pub fn is_proper(&self, parameters: &[f64]) -> bool {
         match self {
-            Self::Template { axes, slimmest } => {
-                let sizes = &parameters[3..3 + axes.len()];
+            Self::Template { slimmest, .. } => {
+                let sizes = &parameters[self.n_places()..self.n_parameters()];
                 sizes.iter().all(|&size| size > 0.0)
                     && sizes[sizes.len() - 1] <= slimmest * sizes[0]
             }

@@ -31,6 +31,7 @@ pub struct Local {
     pub smooth: Expansion,
     open: Vec<Beam<Real>>,
     middle: Vector,
+    is_round: bool,
     is_open: bool,
 }
 
@@ -54,14 +55,15 @@ impl Local {
             open: smooth.open.iter().map(|&i| beams.beams[i]).collect(),
             smooth,
             middle: beams.middle,
+            is_round: candidate.is_round,
             is_open: candidate.is_open,
         }
     }
 
-    /// How many corners such prisms have.
+    /// Whether such prisms have footprints of a family: as many corners, or an ellipse.
     #[must_use]
-    pub fn n_corners(&self) -> usize {
-        self.footprint.len()
+    pub fn is_of(&self, family: &Family) -> bool {
+        (self.footprint.len(), self.is_round) == (family.n_corners(), family.is_round())
     }
 
     /// Negative log-likelihood of members of a family, by rows of its parameters; those that are
@@ -93,10 +95,11 @@ impl Local {
             }
         }
         let candidates: Vec<Candidate> = corners
-            .chunks(self.n_corners())
+            .chunks(self.footprint.len())
             .zip(&tops)
             .map(|(footprint, &top)| Candidate {
                 footprint,
+                is_round: self.is_round,
                 bottom: self.bottom,
                 top,
                 is_open: self.is_open,

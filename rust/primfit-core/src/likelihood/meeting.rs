@@ -1,5 +1,6 @@
 //! Where beams meet the walls of prisms, whichever of the two there are several of.
 
+use super::ellipse::Ellipse;
 use crate::lanes::Lanes;
 
 /// Precision of the kernels: twice as many numbers a register as in double precision, and an error
@@ -61,6 +62,8 @@ pub(crate) struct Passage<L> {
 /// An upright prism relative to the middle of the beams, or several.
 pub(crate) struct Walls<T> {
     pub corners: Vec<[T; 2]>,
+    /// What there is instead of corners.
+    pub ellipse: Option<Ellipse<T>>,
     pub bottom: T,
     pub top: T,
     /// Whether there is no top face.
@@ -119,6 +122,9 @@ impl<T> Beam<T> {
     where
         T: Spread<L>,
     {
+        if let Some(ellipse) = &walls.ellipse {
+            return self.meet_ellipse(ellipse, walls, limit);
+        }
         let (zero, one, never) = (L::splat(0.0), L::splat(1.0), L::splat(Real::INFINITY));
         let (bottom, top): (L, L) = (walls.bottom.lanes(), walls.top.lanes());
         let (z, uz): (L, L) = (self.z.lanes(), self.uz.lanes());
@@ -186,5 +192,50 @@ impl<T> Beam<T> {
         T: Spread<L>,
     {
         (self.range.lanes() - expected) * self.precision.lanes()
+    }
+}
+
+/// What bounds the ranges at which beams meet walls.
+pub(super) struct Edges<L> {
+    z: L,
+    uz: L,
+    top: L,
+    top_slack: L,
+    bottom: L,
+    background: L,
+    low: L,
+    high: L,
+}
+
+#[allow(clippy::inline_always)]
+impl<L: Lanes> Edges<L> {
+    /// Of a block of beams before walls whose top may be `top_slack` higher or lower.
+    #[inline(always)]
+    pub fn of<T: Spread<L>>(block: &Beam<T>, walls: &Walls<Real>, top_slack: Real) -> Self {
+        Self {
+            z: block.z.lanes(),
+            uz: block.uz.lanes(),
+            top: L::splat(walls.top),
+            top_slack: L::splat(top_slack),
+            bottom: L::splat(walls.bottom),
+            background: block.background.lanes(),
+            low: block.low.lanes(),
+            high: block.high.lanes(),
+        }
+    }
+
+    /// A bit for each beam that may meet something else when its range changes by `slide`.
+    #[inline(always)]
+    pub fn may_change(&self, range: L, slide: L) -> u32 {
+        let height = self.z + range * self.uz;
+        let rise = slide * self.uz.abs();
+        let at_top = (height - self.top).abs().le(self.top_slack + rise);
+        let at_bottom = (height - self.bottom).abs().le(rise);
+        let at_end = (range - self.background).abs().le(slide)
+            | (range - self.low).abs().le(slide)
+            | (range - self.high).abs().le(slide)
+            | range.abs().le(slide);
+        let reaches = range.le(self.background + slide) & (L::splat(0.0) - slide).le(range);
+        reaches & (at_top | at_bottom | at_end)
     }
 }

@@ -420,7 +420,8 @@ mod tests {
 
     /// The cost for a pose, globals, and a corner of the room moved along a wall's normal.
     fn cost(pose: Vector, globals: [f64; 4], room: &[[f64; 2]]) -> f64 {
-        let prisms = [Candidate { footprint: room, bottom: 0.0, top: 3.0, is_open: true }];
+        let prisms =
+            [Candidate { footprint: room, is_round: false, bottom: 0.0, top: 3.0, is_open: true }];
         let around = Surroundings { prisms: &prisms, floor: -10.0, globals };
         let workers = Workers::new(Some(1), &|| true).unwrap_or_else(|_| unreachable!());
         let costs = beams().costs(&[0], &[pose], &around, LEAST, 1, &workers);
@@ -430,7 +431,8 @@ mod tests {
     #[test]
     fn the_slopes_are_those_of_the_cost() {
         let (pose, globals) = ([0.8, 0.7, 0.4], [0.02, 0.01, -0.02, 0.03]);
-        let prisms = [Candidate { footprint: &ROOM, bottom: 0.0, top: 3.0, is_open: true }];
+        let prisms =
+            [Candidate { footprint: &ROOM, is_round: false, bottom: 0.0, top: 3.0, is_open: true }];
         let around = Surroundings { prisms: &prisms, floor: -10.0, globals };
         let workers = Workers::new(Some(1), &|| true).unwrap_or_else(|_| unreachable!());
         let found = beams().sums(&[pose], &around, LEAST, &workers);
