@@ -49,6 +49,13 @@ pub trait Lanes:
     }
 }
 
+/// Two halves of four numbers.
+pub trait Eight: Lanes<Array = [f32; 8]> {
+    fn halves_swapped(self) -> Self;
+    /// Whole numbers, rounded towards zero; lanes must be numbers that an `i32` holds.
+    fn truncated(self) -> [i32; 8];
+}
+
 /// A number on each axis.
 #[inline(always)]
 pub fn splat<L: Lanes>(vector: [f32; 3]) -> [L; 3] {
@@ -88,7 +95,7 @@ pub fn lane<T: Copy, const N: usize>(rows: &[[T; N]; 3], i: usize) -> [T; 3] {
 
 /// The lanes of an instruction set.
 pub trait Isa {
-    type Eight: Lanes<Array = [f32; 8]>;
+    type Eight: Eight;
     type Sixteen: Lanes<Array = [f32; 16], Doubles = [f64; 16]>;
 }
 
@@ -197,6 +204,18 @@ impl<const N: usize> Lanes for Plain<N> {
     #[inline(always)]
     fn greatest(self) -> f32 {
         self.0.iter().fold(f32::NEG_INFINITY, |a, &b| if a > b { a } else { b })
+    }
+}
+
+impl Eight for Plain<8> {
+    #[inline(always)]
+    fn halves_swapped(self) -> Self {
+        let [a, b, c, d, e, f, g, h] = self.0;
+        Self([e, f, g, h, a, b, c, d])
+    }
+    #[inline(always)]
+    fn truncated(self) -> [i32; 8] {
+        self.0.map(|x| x as i32)
     }
 }
 

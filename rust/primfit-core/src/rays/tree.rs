@@ -10,6 +10,7 @@ use super::memory::with_room;
 use super::round::Round;
 use super::split::{Part, Range, split};
 use super::triangle::Corners;
+use crate::instructions::Instructions;
 use crate::workers::Stop;
 use crate::{Error, Vector};
 use rayon::prelude::*;
@@ -22,6 +23,8 @@ pub const LEAF: u32 = 1 << 31;
 pub const ROUND_LEAF: u32 = 1 << 30;
 /// Nodes from which a tree does not stay in the cache.
 const CACHED: usize = 4000;
+/// Fewest parts a node for which there is room at first; meshes have some 14 to 26.
+const NODE_PARTS: usize = 8;
 /// Parts that are worth another thread, and fewest items that one fills in.
 const PARALLEL: usize = 1 << 14;
 const AT_ONCE: usize = 1 << 11;
@@ -155,21 +158,22 @@ impl Tree {
                 Part::around(id, round.bounds().map(|corner| frame.place(corner)))
             }),
         );
-        let mut branch = Branch { first_round, ..Branch::default() };
+        let instructions = Instructions::best();
+        let kinds = Kinds { first_round, has_rounds: !rounds.is_empty(), instructions };
+        let mut branch = Branch::new(parts.len(), kinds);
         if !parts.is_empty() {
-            branch.grow(Range::all(&parts), &mut parts, 0, stop)?;
+            branch.grow(Range::all(instructions, &parts), &mut parts, 0, stop)?;
         }
         if !rounds.is_empty() {
             branch.leave_out_rounds(&mut parts);
         }
-        let exact = filled(parts.len(), stop, |i| Exact::new(corners(parts[i].id), parts[i].id))?;
+        let exact = filled(parts.len(), stop, |i| Exact::new(corners(parts[i].id()), parts[i].id()))?;
         let blocks = filled(branch.leaves.len(), stop, |i| {
             let (first, count) = branch.leaves[i];
             Block::new(frame, &exact, first, count)
         })?;
-        let mut nodes = with_room(branch.nodes.len());
-        nodes.append(&mut branch.nodes);
-        Ok(Self { frame, nodes, blocks, exact, rounds: rounds.to_vec() })
+        branch.nodes.shrink_to_fit();
+        Ok(Self { frame, nodes: branch.nodes, blocks, exact, rounds: rounds.to_vec() })
     }
 }
 
@@ -218,33 +222,44 @@ impl Block {
             first,
         };
         for (lane, triangle) in exact[first as usize..][..count as usize].iter().enumerate() {
-            let [a, b, c] = [0, 1, 2].map(|i| triangle.corner(i));
-            let vertex = frame.place(a);
-            // Below it, squares leave the range of float32; a wider margin does no harm.
-            let mut extent = 1e-12_f32;
+            let mut extent = 0.0_f32;
             for k in 0..3 {
-                block.vertex[k][lane] = vertex[k] as f32;
-                for (edge, end) in block.edges.iter_mut().zip([b, c]) {
-                    edge[k][lane] = ((end[k] - a[k]) * frame.scale) as f32;
-                    extent = extent.max(edge[k][lane].abs().next_up());
+                let [a, ends @ .., _] = triangle.corners[k];
+                block.vertex[k][lane] = ((a - frame.center[k]) * frame.scale) as f32;
+                for (edge, end) in block.edges.iter_mut().zip(ends) {
+                    edge[k][lane] = ((end - a) * frame.scale) as f32;
+                    extent = extent.max(edge[k][lane].abs());
                 }
             }
-            block.extent[lane] = extent;
+            // Below it, squares leave the range of float32; a wider margin does no harm.
+            block.extent[lane] = extent.next_up().max(1e-12);
         }
         block
     }
 }
 
 /// Nodes and leaves (first part, number of parts) of a part of the tree.
-#[derive(Default)]
 struct Branch {
     nodes: Vec<Node>,
     leaves: Vec<(u32, u32)>,
+    kinds: Kinds,
+}
+
+/// What the parts are, and what they are split with.
+#[derive(Clone, Copy)]
+struct Kinds {
     /// Parts from this number on are round solids.
     first_round: u32,
+    has_rounds: bool,
+    instructions: Instructions,
 }
 
 impl Branch {
+    /// One that will be over `n` parts.
+    fn new(n: usize, kinds: Kinds) -> Self {
+        Self { nodes: with_room(n / NODE_PARTS + 1), leaves: Vec::with_capacity(n / 4 + 1), kinds }
+    }
+
     /// Appends the node over `range`; `parts` begin where the range does.
     fn grow(
         &mut self,
@@ -253,50 +268,77 @@ impl Branch {
         depth: u32,
         stop: &Stop,
     ) -> Result<(), Error> {
-        stop.check()?;
         let first = range.first;
-        let mut children = vec![range];
-        while children.len() < WIDTH {
-            let widest = (0..children.len())
-                .filter(|&i| !self.is_leaf(&children[i], &parts[children[i].first - first..]))
+        let mut children = [range; WIDTH];
+        let mut n = 1;
+        while n < WIDTH {
+            let widest = (0..n)
+                .filter(|&i| !self.kinds.is_leaf(&children[i], &parts[children[i].first - first..]))
                 .max_by(|&i, &j| children[i].area().total_cmp(&children[j].area()));
             let Some(widest) = widest else { break };
             stop.check()?;
-            let child = children[widest].clone();
-            let here = child.first - first;
-            let (left, right) = split(&child, &mut parts[here..here + child.len()], depth);
+            let child = children[widest];
+            let these = &mut parts[child.first - first..][..child.len()];
+            let (left, right) = split(self.kinds.instructions, &child, these, depth);
+            children.copy_within(widest + 1..n, widest + 2);
             children[widest] = left;
-            children.insert(widest + 1, right);
+            children[widest + 1] = right;
+            n += 1;
         }
+        let children = &children[..n];
         let row = self.nodes.len();
-        self.nodes.push(Node::over(&children));
+        self.nodes.push(Node::over(children));
+        let mut grown = 0;
+        for (slot, child) in children.iter().enumerate() {
+            let these = &parts[child.first - first..];
+            if !self.kinds.is_leaf(child, these) {
+                grown += child.len();
+                continue;
+            }
+            let id = these[0].id();
+            self.nodes[row].children[slot] = if id < self.kinds.first_round {
+                self.leaves.push((child.first as u32, child.len() as u32));
+                LEAF | (self.leaves.len() - 1) as u32
+            } else {
+                LEAF | ROUND_LEAF | (id - self.kinds.first_round)
+            };
+        }
+        if grown >= PARALLEL {
+            return self.grow_at_once(row, children, parts, depth, stop);
+        }
+        for (slot, child) in children.iter().enumerate() {
+            let these = &mut parts[child.first - first..][..child.len()];
+            if !self.kinds.is_leaf(child, these) {
+                self.nodes[row].children[slot] = self.nodes.len() as u32;
+                self.grow(*child, these, depth + 1, stop)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Appends those children of the node in a row that are no leaves, grown side by side.
+    fn grow_at_once(
+        &mut self,
+        row: usize,
+        children: &[Range],
+        parts: &mut [Part],
+        depth: u32,
+        stop: &Stop,
+    ) -> Result<(), Error> {
+        let kinds = self.kinds;
         let mut rest = parts;
         let mut grown: Vec<(usize, Range, &mut [Part])> = Vec::new();
-        for (slot, child) in children.into_iter().enumerate() {
+        for (slot, child) in children.iter().enumerate() {
             let (these, others) = rest.split_at_mut(child.len());
             rest = others;
-            if self.is_leaf(&child, these) {
-                self.nodes[row].children[slot] = if these[0].id < self.first_round {
-                    self.leaves.push((child.first as u32, child.len() as u32));
-                    LEAF | (self.leaves.len() - 1) as u32
-                } else {
-                    LEAF | ROUND_LEAF | (these[0].id - self.first_round)
-                };
-            } else {
-                grown.push((slot, child, these));
+            if !kinds.is_leaf(child, these) {
+                grown.push((slot, *child, these));
             }
-        }
-        if grown.iter().map(|(_, child, _)| child.len()).sum::<usize>() < PARALLEL {
-            for (slot, child, parts) in grown {
-                self.nodes[row].children[slot] = self.nodes.len() as u32;
-                self.grow(child, parts, depth + 1, stop)?;
-            }
-            return Ok(());
         }
         let branches = grown
             .into_par_iter()
             .map(|(slot, child, parts)| {
-                let mut branch = Self { first_round: self.first_round, ..Self::default() };
+                let mut branch = Self::new(child.len(), kinds);
                 branch.grow(child, parts, depth + 1, stop)?;
                 Ok((slot, branch))
             })
@@ -323,39 +365,43 @@ impl Branch {
         self.leaves.extend(branch.leaves);
     }
 
-    /// Whether a range of parts that begin with it is a leaf: few triangles, or one round solid.
-    fn is_leaf(&self, range: &Range, parts: &[Part]) -> bool {
-        let n = range.len();
-        n <= WIDTH && (n == 1 || parts[..n].iter().all(|part| part.id < self.first_round))
-    }
-
     /// Leaves only triangles in `parts`, and counts the leaves by them.
     fn leave_out_rounds(&mut self, parts: &mut Vec<Part>) {
+        let first_round = self.kinds.first_round;
         let mut n_triangles = 0;
         let before: Vec<u32> = parts
             .iter()
             .map(|part| {
-                n_triangles += u32::from(part.id < self.first_round);
-                n_triangles - u32::from(part.id < self.first_round)
+                n_triangles += u32::from(part.id() < first_round);
+                n_triangles - u32::from(part.id() < first_round)
             })
             .collect();
         for (first, _) in &mut self.leaves {
             *first = before[*first as usize];
         }
-        parts.retain(|part| part.id < self.first_round);
+        parts.retain(|part| part.id() < first_round);
+    }
+}
+
+impl Kinds {
+    /// Whether a range of parts that begin with it is a leaf: few triangles, or one round solid.
+    #[inline(always)]
+    fn is_leaf(self, range: &Range, parts: &[Part]) -> bool {
+        let n = range.len();
+        let is_round = |part: &Part| part.id() >= self.first_round;
+        n <= WIDTH && (n == 1 || !self.has_rounds || !parts[..n].iter().any(is_round))
     }
 }
 
 impl Node {
     fn over(children: &[Range]) -> Self {
         let mut node = Self { planes: [[0.0; WIDTH]; 6], children: [0; WIDTH] };
-        for slot in 0..WIDTH {
-            for k in 0..3 {
-                let (low, high) = children.get(slot).map_or((f32::MAX, f32::MIN), |child| {
-                    (child.bounds.low[k], child.bounds.high[k])
-                });
-                node.planes[k][slot] = low;
-                node.planes[3 + k][slot] = high;
+        for k in 0..3 {
+            node.planes[k] = [f32::MAX; WIDTH];
+            node.planes[3 + k] = [f32::MIN; WIDTH];
+            for (slot, child) in children.iter().enumerate() {
+                node.planes[k][slot] = child.bounds.low(k);
+                node.planes[3 + k][slot] = child.bounds.high(k);
             }
         }
         node
