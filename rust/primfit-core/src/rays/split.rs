@@ -47,14 +47,7 @@ impl Part {
     /// Numbers get this bit, so that arithmetic on all lanes meets no subnormal number.
     const NORMAL: u32 = 1 << 30;
 
-    pub fn new(id: u32, corners: [Vector; 3]) -> Self {
-        let [a, b, c] = corners;
-        let low = [0, 1, 2].map(|k| a[k].min(b[k]).min(c[k]));
-        Self::around(id, [low, [0, 1, 2].map(|k| a[k].max(b[k]).max(c[k]))])
-    }
-
-    /// One with a given box.
-    pub fn around(id: u32, [low, high]: [Vector; 2]) -> Self {
+    pub fn new(id: u32, [low, high]: [Vector; 2]) -> Self {
         let [a, b, c] = low.map(|x| (x as f32).next_down());
         let [d, e, f] = high.map(|x| -(x as f32).next_up());
         Self([a, b, c, f32::from_bits(id | Self::NORMAL), d, e, f, 0.0])
@@ -137,7 +130,7 @@ pub fn split(
 #[inline(always)]
 fn cut<E: Eight>(range: &Range, parts: &mut [Part], depth: u32) -> (Range, Range) {
     let cut = if depth < DEEPEST { Cut::cheapest::<E>(range, parts) } else { None };
-    let Some(Cut { bins, axis, bin, bounds }) = cut else {
+    let Some(Cut { intervals, axis, bin, bounds }) = cut else {
         let (left, right) = parts.split_at(parts.len() / 2);
         let first = range.first;
         return (Range::over::<E>(first, left), Range::over::<E>(first + left.len(), right));
@@ -146,7 +139,7 @@ fn cut<E: Eight>(range: &Range, parts: &mut [Part], depth: u32) -> (Range, Range
     let mut middles = [none; 2];
     let mut n_left = 0;
     for i in 0..parts.len() {
-        let is_right = bins.place(&parts[i], axis) >= bin as f32;
+        let is_right = intervals.place(&parts[i], axis) >= bin as f32;
         let part = parts[i];
         let twice = middle(E::load(&part.0));
         // Neither half has a branch: half of them would be foreseen wrongly.
@@ -166,59 +159,69 @@ fn cut<E: Eight>(range: &Range, parts: &mut [Part], depth: u32) -> (Range, Range
     )
 }
 
-/// Parts whose bin on `axis` is below `bin` go left.
+/// Parts whose interval on `axis` is below `bin` go left.
 struct Cut {
-    bins: Bins,
+    intervals: Intervals,
     axis: usize,
     bin: usize,
     bounds: [Bounds; 2],
 }
 
 /// Equal intervals between the extreme middles.
-struct Bins {
+struct Intervals {
     n: usize,
     low: [f32; 8],
     scale: [f32; 8],
 }
 
-impl Bins {
+impl Intervals {
     #[inline(always)]
     fn between(middles: &Bounds, n: usize) -> Self {
-        let mut bins = Self { n, low: [0.0; 8], scale: [0.0; 8] };
+        let mut intervals = Self { n, low: [0.0; 8], scale: [0.0; 8] };
         for k in 0..3 {
             let extent = middles.high(k) - middles.low(k);
-            bins.low[k] = middles.low(k);
-            bins.scale[k] = if extent > 1e-30 { n as f32 / extent } else { 0.0 };
+            intervals.low[k] = middles.low(k);
+            // A hair less than the quotient: rounding takes no middle beyond the last interval.
+            let scale = n as f32 * (1.0 - 4.0 * f32::EPSILON) / extent;
+            intervals.scale[k] = if extent > 1e-30 { scale } else { 0.0 };
         }
-        bins
+        intervals
     }
 
-    /// The bins of all axes, in the first three lanes.
+    /// Those of all axes, in the first three lanes.
     #[inline(always)]
     fn of<E: Eight>(&self, part: E) -> [i32; 8] {
-        let place = (middle(part) - E::load(&self.low)) * E::load(&self.scale);
-        place.max(E::splat(0.0)).min(E::splat((self.n - 1) as f32)).truncated()
+        ((middle(part) - E::load(&self.low)) * E::load(&self.scale)).truncated()
     }
 
-    #[inline(always)]
-    fn add<E: Eight>(
-        &self,
-        part: E,
-        counts: &mut [[u32; MOST_BINS]; 3],
-        boxes: &mut [[Bounds; 3]; MOST_BINS],
-    ) {
-        let row = self.of(part);
-        for k in 0..3 {
-            let bin = row[k] as usize % MOST_BINS;
-            counts[k][bin] += 1;
-            boxes[bin][k] = Bounds(part.min(E::load(&boxes[bin][k].0)).store());
-        }
-    }
-
-    /// The place on an axis, in bins.
+    /// The place on an axis, in intervals.
     #[inline(always)]
     fn place(&self, part: &Part, axis: usize) -> f32 {
         (part.0[axis] - part.0[4 + axis] - self.low[axis]) * self.scale[axis]
+    }
+}
+
+/// What lies in an interval.
+#[derive(Clone, Copy)]
+struct Bin {
+    bounds: Bounds,
+    n: u32,
+}
+
+impl Bin {
+    const EMPTY: Self = Self { bounds: Bounds::NONE, n: 0 };
+}
+
+type Bins = [[Bin; MOST_BINS]; 3];
+
+#[inline(always)]
+fn put<E: Eight>(part: &Part, intervals: &Intervals, bins: &mut Bins) {
+    let part = E::load(&part.0);
+    let row = intervals.of(part);
+    for k in 0..3 {
+        let bin = &mut bins[k][row[k] as usize % MOST_BINS];
+        bin.bounds = Bounds(part.min(E::load(&bin.bounds.0)).store());
+        bin.n += 1;
     }
 }
 
@@ -227,31 +230,29 @@ impl Cut {
     #[inline(always)]
     fn cheapest<E: Eight>(range: &Range, parts: &[Part]) -> Option<Self> {
         let n = (4 + parts.len() / 16).min(MOST_BINS);
-        let bins = Bins::between(&range.middles, n);
-        let mut counts = [[0_u32; MOST_BINS]; 3];
-        let mut boxes = [[Bounds::NONE; 3]; MOST_BINS];
+        let intervals = Intervals::between(&range.middles, n);
+        let mut bins = [[Bin::EMPTY; MOST_BINS]; 3];
         // Neighbours mostly share their bins, and would wait for each other.
         let (early, late) = parts.split_at(parts.len() / 2);
         let (later, last) = late.split_at(early.len());
         for (early, late) in early.iter().zip(later) {
-            for part in [early, late] {
-                bins.add(E::load(&part.0), &mut counts, &mut boxes);
-            }
+            put::<E>(early, &intervals, &mut bins);
+            put::<E>(late, &intervals, &mut bins);
         }
         for part in last {
-            bins.add(E::load(&part.0), &mut counts, &mut boxes);
+            put::<E>(part, &intervals, &mut bins);
         }
         let mut best = (f32::INFINITY, 0, 0);
-        for axis in (0..3).filter(|&k| bins.scale[k] > 0.0) {
+        for axis in (0..3).filter(|&k| intervals.scale[k] > 0.0) {
             let mut right = [f32::INFINITY; MOST_BINS];
             let mut side = Side::<E>::empty();
             for bin in (1..n).rev() {
-                side.add(counts[axis][bin], &boxes[bin][axis]);
+                side.add(&bins[axis][bin]);
                 right[bin] = side.cost();
             }
             let mut side = Side::<E>::empty();
             for bin in 1..n {
-                side.add(counts[axis][bin - 1], &boxes[bin - 1][axis]);
+                side.add(&bins[axis][bin - 1]);
                 let cost = side.cost() + right[bin];
                 if cost < best.0 {
                     best = (cost, axis, bin);
@@ -260,14 +261,14 @@ impl Cut {
         }
         let (cost, axis, bin) = best;
         let mut bounds = [Bounds::NONE; 2];
-        for (bounds, bins) in bounds.iter_mut().zip([0..bin, bin..n]) {
+        for (bounds, some) in bounds.iter_mut().zip([0..bin, bin..n]) {
             let mut side = Side::<E>::empty();
-            for bin in bins {
-                side.add(0, &boxes[bin][axis]);
+            for bin in &bins[axis][some] {
+                side.add(bin);
             }
             *bounds = Bounds(side.bounds.store());
         }
-        (cost < f32::INFINITY).then_some(Self { bins, axis, bin, bounds })
+        (cost < f32::INFINITY).then_some(Self { intervals, axis, bin, bounds })
     }
 }
 
@@ -284,9 +285,9 @@ impl<E: Eight> Side<E> {
     }
 
     #[inline(always)]
-    fn add(&mut self, n: u32, bounds: &Bounds) {
-        self.n += n;
-        self.bounds = E::load(&bounds.0).min(self.bounds);
+    fn add(&mut self, bin: &Bin) {
+        self.n += bin.n;
+        self.bounds = E::load(&bin.bounds.0).min(self.bounds);
     }
 
     /// Of rays through it; infinite when nothing is there.

@@ -149,15 +149,13 @@ impl Tree {
             }
         }
         let frame = Frame::around([low, high]);
+        let part = |id, corners: [Vector; 2]| Part::new(id, corners.map(|v| frame.place(v)));
         let mut parts = filled(triangles.len(), stop, |id| {
-            Part::new(id as u32, corners(id as u32).map(|v| frame.place(v)))
+            let id = id as u32;
+            part(id, box_of(corners(id)))
         })?;
         let first_round = triangles.len() as u32;
-        parts.extend(
-            (first_round..).zip(rounds).map(|(id, round)| {
-                Part::around(id, round.bounds().map(|corner| frame.place(corner)))
-            }),
-        );
+        parts.extend((first_round..).zip(rounds).map(|(id, round)| part(id, round.bounds())));
         let instructions = Instructions::best();
         let kinds = Kinds { first_round, has_rounds: !rounds.is_empty(), instructions };
         let mut branch = Branch::new(parts.len(), kinds);
@@ -175,6 +173,17 @@ impl Tree {
         branch.nodes.shrink_to_fit();
         Ok(Self { frame, nodes: branch.nodes, blocks, exact, rounds: rounds.to_vec() })
     }
+}
+
+/// Lower and upper corner of the box around a triangle.
+#[inline(always)]
+fn box_of([a, b, c]: [Vector; 3]) -> [Vector; 2] {
+    let mut corners = [a; 2];
+    for k in 0..3 {
+        corners[0][k] = a[k].min(b[k]).min(c[k]);
+        corners[1][k] = a[k].max(b[k]).max(c[k]);
+    }
+    corners
 }
 
 /// Items by number, with a look at `stop` now and then.
