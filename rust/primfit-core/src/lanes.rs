@@ -52,7 +52,7 @@ pub trait Lanes:
 /// Two halves of four numbers.
 pub trait Eight: Lanes<Array = [f32; 8]> {
     fn halves_swapped(self) -> Self;
-    /// Whole numbers, rounded towards zero; lanes must be numbers that an `i32` holds.
+    /// Whole numbers, rounded towards zero; what an `i32` does not hold may become any of them.
     fn truncated(self) -> [i32; 8];
 }
 
@@ -237,6 +237,23 @@ mod tests {
     for_each_set! {
         fn any_negative(a: &[f32; 16]) -> bool {
             <Set as Isa>::Sixteen::load(a).any_negative()
+        }
+    }
+
+    for_each_set! {
+        fn swapped_and_truncated(a: &[f32; 8]) -> ([f32; 8], [i32; 8]) {
+            let a = <Set as Isa>::Eight::load(a);
+            (a.halves_swapped().store(), a.truncated())
+        }
+    }
+
+    #[test]
+    fn halves_are_swapped_and_fractions_cut_off_on_all_sets() {
+        for set in Instructions::available() {
+            let a = [0.0, 1.5, -1.5, 7.999, -0.4, 16.0, 2e9, -2e9];
+            let (swapped, truncated) = swapped_and_truncated(set, &a);
+            assert_eq!(swapped, [-0.4, 16.0, 2e9, -2e9, 0.0, 1.5, -1.5, 7.999]);
+            assert_eq!(truncated, [0, 1, -1, 7, 0, 16, 2_000_000_000, -2_000_000_000]);
         }
     }
 

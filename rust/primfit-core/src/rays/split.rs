@@ -5,7 +5,7 @@
 #![allow(clippy::inline_always)]
 
 use crate::Vector;
-use crate::instructions::{Instructions, for_each_set};
+use crate::instructions::for_each_set;
 use crate::lanes::{Eight, Isa};
 
 /// Bins of a large set; small sets have fewer.
@@ -53,6 +53,12 @@ impl Part {
         Self([a, b, c, f32::from_bits(id | Self::NORMAL), d, e, f, 0.0])
     }
 
+    /// Its box.
+    #[cfg(test)]
+    pub fn bounds(&self) -> Bounds {
+        Bounds(self.0)
+    }
+
     pub fn id(&self) -> u32 {
         self.0[3].to_bits() ^ Self::NORMAL
     }
@@ -75,10 +81,6 @@ pub struct Range {
 }
 
 impl Range {
-    pub fn all(instructions: Instructions, parts: &[Part]) -> Self {
-        all(instructions, parts)
-    }
-
     #[inline(always)]
     fn over<E: Eight>(first: usize, parts: &[Part]) -> Self {
         let none = E::load(&Bounds::NONE.0);
@@ -106,25 +108,17 @@ impl Range {
 }
 
 for_each_set! {
-    fn all(parts: &[Part]) -> Range {
+    /// That of all parts.
+    pub fn range_of(parts: &[Part]) -> Range {
         Range::over::<<Set as Isa>::Eight>(0, parts)
     }
 }
 
 for_each_set! {
-    fn split_on(range: &Range, parts: &mut [Part], depth: u32) -> (Range, Range) {
+    /// Cuts `range`, whose parts are `parts`, where rays cost least.
+    pub fn split(range: &Range, parts: &mut [Part], depth: u32) -> (Range, Range) {
         cut::<<Set as Isa>::Eight>(range, parts, depth)
     }
-}
-
-/// Cuts `range`, whose parts are `parts`, where rays cost least.
-pub fn split(
-    instructions: Instructions,
-    range: &Range,
-    parts: &mut [Part],
-    depth: u32,
-) -> (Range, Range) {
-    split_on(instructions, range, parts, depth)
 }
 
 #[inline(always)]
@@ -142,7 +136,7 @@ fn cut<E: Eight>(range: &Range, parts: &mut [Part], depth: u32) -> (Range, Range
         let is_right = intervals.place(&parts[i], axis) >= bin as f32;
         let part = parts[i];
         let twice = middle(E::load(&part.0));
-        // Neither half has a branch: half of them would be foreseen wrongly.
+        // No branch: half of them would be foreseen wrongly.
         let far = [[0.0, f32::INFINITY], [f32::INFINITY, 0.0]][usize::from(is_right)];
         for side in 0..2 {
             middles[side] = (twice + E::splat(far[side])).min(middles[side]);
@@ -169,7 +163,6 @@ struct Cut {
 
 /// Equal intervals between the extreme middles.
 struct Intervals {
-    n: usize,
     low: [f32; 8],
     scale: [f32; 8],
 }
@@ -177,7 +170,7 @@ struct Intervals {
 impl Intervals {
     #[inline(always)]
     fn between(middles: &Bounds, n: usize) -> Self {
-        let mut intervals = Self { n, low: [0.0; 8], scale: [0.0; 8] };
+        let mut intervals = Self { low: [0.0; 8], scale: [0.0; 8] };
         for k in 0..3 {
             let extent = middles.high(k) - middles.low(k);
             intervals.low[k] = middles.low(k);

@@ -6,9 +6,10 @@
 
 #![allow(clippy::inline_always)]
 
+use super::grow::{self, Leaf};
 use super::memory::with_room;
-use super::round::Round;
-use super::split::{Part, Range, split};
+use super::round::{Round, greatest, least};
+use super::split::{Part, Range};
 use super::triangle::Corners;
 use crate::instructions::Instructions;
 use crate::workers::Stop;
@@ -23,16 +24,14 @@ pub const LEAF: u32 = 1 << 31;
 pub const ROUND_LEAF: u32 = 1 << 30;
 /// Nodes from which a tree does not stay in the cache.
 const CACHED: usize = 4000;
-/// Fewest parts a node for which there is room at first; meshes have some 14 to 26.
-const NODE_PARTS: usize = 8;
-/// Parts that are worth another thread, and fewest items that one fills in.
-const PARALLEL: usize = 1 << 14;
+/// Fewest items that a thread fills in.
 const AT_ONCE: usize = 1 << 11;
 /// Items between two looks at whether to stop.
 const STEP: usize = 1 << 18;
 
 /// The boxes of eight children and where they are.
 #[derive(Clone)]
+#[cfg_attr(test, derive(Debug, PartialEq))]
 #[repr(C, align(64))]
 pub struct Node {
     /// Low x, y, z, then high x, y, z; a missing child has its low above its high.
@@ -119,71 +118,64 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// `triangles` must name vertices that exist.
-    ///
     /// # Errors
+    /// [`Error::VertexOutOfRange`] when a triangle names a vertex that does not exist,
     /// [`Error::Stopped`] when the caller does not want to go on.
     pub fn new(
         vertices: &[Vector],
         triangles: &[[i64; 3]],
         rounds: &[Round],
+        instructions: Instructions,
         stop: &Stop,
     ) -> Result<Self, Error> {
+        let frame = Frame::around(reach(vertices, triangles, rounds, stop)?);
         let corners = |id: u32| triangles[id as usize].map(|vertex| vertices[vertex as usize]);
-        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for (id, triangle) in triangles.iter().enumerate() {
-            if id % STEP == 0 {
-                stop.check()?;
-            }
-            for vertex in triangle.map(|vertex| vertices[vertex as usize]) {
-                for k in 0..3 {
-                    low[k] = low[k].min(vertex[k]);
-                    high[k] = high[k].max(vertex[k]);
-                }
-            }
-        }
-        for [least, greatest] in rounds.iter().map(Round::bounds) {
-            for k in 0..3 {
-                low[k] = low[k].min(least[k]);
-                high[k] = high[k].max(greatest[k]);
-            }
-        }
-        let frame = Frame::around([low, high]);
         let part = |id, corners: [Vector; 2]| Part::new(id, corners.map(|v| frame.place(v)));
         let mut parts = filled(triangles.len(), stop, |id| {
-            let id = id as u32;
-            part(id, box_of(corners(id)))
+            let [a, b, c] = corners(id as u32);
+            part(id as u32, around(around([a; 2], [b; 2]), [c; 2]))
         })?;
         let first_round = triangles.len() as u32;
         parts.extend((first_round..).zip(rounds).map(|(id, round)| part(id, round.bounds())));
-        let instructions = Instructions::best();
-        let kinds = Kinds { first_round, has_rounds: !rounds.is_empty(), instructions };
-        let mut branch = Branch::new(parts.len(), kinds);
-        if !parts.is_empty() {
-            branch.grow(Range::all(instructions, &parts), &mut parts, 0, stop)?;
-        }
-        if !rounds.is_empty() {
-            branch.leave_out_rounds(&mut parts);
-        }
-        let exact = filled(parts.len(), stop, |i| Exact::new(corners(parts[i].id()), parts[i].id()))?;
-        let blocks = filled(branch.leaves.len(), stop, |i| {
-            let (first, count) = branch.leaves[i];
-            Block::new(frame, &exact, first, count)
-        })?;
-        branch.nodes.shrink_to_fit();
-        Ok(Self { frame, nodes: branch.nodes, blocks, exact, rounds: rounds.to_vec() })
+        let (nodes, leaves) = grow::tree(&mut parts, first_round, instructions, stop)?;
+        let exact =
+            filled(parts.len(), stop, |i| Exact::new(corners(parts[i].id()), parts[i].id()))?;
+        let blocks = filled(leaves.len(), stop, |i| Block::new(frame, &exact, leaves[i]))?;
+        Ok(Self { frame, nodes, blocks, exact, rounds: rounds.to_vec() })
     }
 }
 
-/// Lower and upper corner of the box around a triangle.
-#[inline(always)]
-fn box_of([a, b, c]: [Vector; 3]) -> [Vector; 2] {
-    let mut corners = [a; 2];
-    for k in 0..3 {
-        corners[0][k] = a[k].min(b[k]).min(c[k]);
-        corners[1][k] = a[k].max(b[k]).max(c[k]);
+/// Lower and upper corner of the box around all.
+fn reach(
+    vertices: &[Vector],
+    triangles: &[[i64; 3]],
+    rounds: &[Round],
+    stop: &Stop,
+) -> Result<[Vector; 2], Error> {
+    let mut reach = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for (triangle, corners) in triangles.iter().enumerate() {
+        if triangle % STEP == 0 {
+            stop.check()?;
+        }
+        for &vertex in corners {
+            let place = usize::try_from(vertex).ok().and_then(|row| vertices.get(row));
+            let Some(&place) = place else {
+                let n_vertices = vertices.len();
+                return Err(Error::VertexOutOfRange { triangle, vertex, n_vertices });
+            };
+            reach = around(reach, [place; 2]);
+        }
     }
-    corners
+    Ok(rounds.iter().map(Round::bounds).fold(reach, around))
+}
+
+/// The box around two.
+#[inline(always)]
+fn around([low, high]: [Vector; 2], [other_low, other_high]: [Vector; 2]) -> [Vector; 2] {
+    [
+        std::array::from_fn(|k| least(low[k], other_low[k])),
+        std::array::from_fn(|k| greatest(high[k], other_high[k])),
+    ]
 }
 
 /// Items by number, with a look at `stop` now and then.
@@ -222,7 +214,7 @@ impl Tree {
 }
 
 impl Block {
-    fn new(frame: Frame, exact: &[Exact], first: u32, count: u32) -> Self {
+    fn new(frame: Frame, exact: &[Exact], Leaf { first, n }: Leaf) -> Self {
         let mut block = Self {
             vertex: [[0.0; WIDTH]; 3],
             edges: [[[0.0; WIDTH]; 3]; 2],
@@ -230,7 +222,7 @@ impl Block {
             extent: [-1e-3; WIDTH],
             first,
         };
-        for (lane, triangle) in exact[first as usize..][..count as usize].iter().enumerate() {
+        for (lane, triangle) in exact[first as usize..][..n as usize].iter().enumerate() {
             let mut extent = 0.0_f32;
             for k in 0..3 {
                 let [a, ends @ .., _] = triangle.corners[k];
@@ -247,163 +239,8 @@ impl Block {
     }
 }
 
-/// Nodes and leaves (first part, number of parts) of a part of the tree.
-struct Branch {
-    nodes: Vec<Node>,
-    leaves: Vec<(u32, u32)>,
-    kinds: Kinds,
-}
-
-/// What the parts are, and what they are split with.
-#[derive(Clone, Copy)]
-struct Kinds {
-    /// Parts from this number on are round solids.
-    first_round: u32,
-    has_rounds: bool,
-    instructions: Instructions,
-}
-
-impl Branch {
-    /// One that will be over `n` parts.
-    fn new(n: usize, kinds: Kinds) -> Self {
-        Self { nodes: with_room(n / NODE_PARTS + 1), leaves: Vec::with_capacity(n / 4 + 1), kinds }
-    }
-
-    /// Appends the node over `range`; `parts` begin where the range does.
-    fn grow(
-        &mut self,
-        range: Range,
-        parts: &mut [Part],
-        depth: u32,
-        stop: &Stop,
-    ) -> Result<(), Error> {
-        let first = range.first;
-        let mut children = [range; WIDTH];
-        let mut n = 1;
-        while n < WIDTH {
-            let widest = (0..n)
-                .filter(|&i| !self.kinds.is_leaf(&children[i], &parts[children[i].first - first..]))
-                .max_by(|&i, &j| children[i].area().total_cmp(&children[j].area()));
-            let Some(widest) = widest else { break };
-            stop.check()?;
-            let child = children[widest];
-            let these = &mut parts[child.first - first..][..child.len()];
-            let (left, right) = split(self.kinds.instructions, &child, these, depth);
-            children.copy_within(widest + 1..n, widest + 2);
-            children[widest] = left;
-            children[widest + 1] = right;
-            n += 1;
-        }
-        let children = &children[..n];
-        let row = self.nodes.len();
-        self.nodes.push(Node::over(children));
-        let mut grown = 0;
-        for (slot, child) in children.iter().enumerate() {
-            let these = &parts[child.first - first..];
-            if !self.kinds.is_leaf(child, these) {
-                grown += child.len();
-                continue;
-            }
-            let id = these[0].id();
-            self.nodes[row].children[slot] = if id < self.kinds.first_round {
-                self.leaves.push((child.first as u32, child.len() as u32));
-                LEAF | (self.leaves.len() - 1) as u32
-            } else {
-                LEAF | ROUND_LEAF | (id - self.kinds.first_round)
-            };
-        }
-        if grown >= PARALLEL {
-            return self.grow_at_once(row, children, parts, depth, stop);
-        }
-        for (slot, child) in children.iter().enumerate() {
-            let these = &mut parts[child.first - first..][..child.len()];
-            if !self.kinds.is_leaf(child, these) {
-                self.nodes[row].children[slot] = self.nodes.len() as u32;
-                self.grow(*child, these, depth + 1, stop)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Appends those children of the node in a row that are no leaves, grown side by side.
-    fn grow_at_once(
-        &mut self,
-        row: usize,
-        children: &[Range],
-        parts: &mut [Part],
-        depth: u32,
-        stop: &Stop,
-    ) -> Result<(), Error> {
-        let kinds = self.kinds;
-        let mut rest = parts;
-        let mut grown: Vec<(usize, Range, &mut [Part])> = Vec::new();
-        for (slot, child) in children.iter().enumerate() {
-            let (these, others) = rest.split_at_mut(child.len());
-            rest = others;
-            if !kinds.is_leaf(child, these) {
-                grown.push((slot, *child, these));
-            }
-        }
-        let branches = grown
-            .into_par_iter()
-            .map(|(slot, child, parts)| {
-                let mut branch = Self::new(child.len(), kinds);
-                branch.grow(child, parts, depth + 1, stop)?;
-                Ok((slot, branch))
-            })
-            .collect::<Result<Vec<_>, Error>>()?;
-        for (slot, branch) in branches {
-            self.nodes[row].children[slot] = self.nodes.len() as u32;
-            self.append(branch);
-        }
-        Ok(())
-    }
-
-    fn append(&mut self, branch: Self) {
-        let (n_nodes, n_leaves) = (self.nodes.len() as u32, self.leaves.len() as u32);
-        self.nodes.extend(branch.nodes.into_iter().map(|mut node| {
-            for child in &mut node.children {
-                *child += match *child & (LEAF | ROUND_LEAF) {
-                    0 => n_nodes,
-                    LEAF => n_leaves,
-                    _ => 0,
-                };
-            }
-            node
-        }));
-        self.leaves.extend(branch.leaves);
-    }
-
-    /// Leaves only triangles in `parts`, and counts the leaves by them.
-    fn leave_out_rounds(&mut self, parts: &mut Vec<Part>) {
-        let first_round = self.kinds.first_round;
-        let mut n_triangles = 0;
-        let before: Vec<u32> = parts
-            .iter()
-            .map(|part| {
-                n_triangles += u32::from(part.id() < first_round);
-                n_triangles - u32::from(part.id() < first_round)
-            })
-            .collect();
-        for (first, _) in &mut self.leaves {
-            *first = before[*first as usize];
-        }
-        parts.retain(|part| part.id() < first_round);
-    }
-}
-
-impl Kinds {
-    /// Whether a range of parts that begin with it is a leaf: few triangles, or one round solid.
-    #[inline(always)]
-    fn is_leaf(self, range: &Range, parts: &[Part]) -> bool {
-        let n = range.len();
-        let is_round = |part: &Part| part.id() >= self.first_round;
-        n <= WIDTH && (n == 1 || !self.has_rounds || !parts[..n].iter().any(is_round))
-    }
-}
-
 impl Node {
-    fn over(children: &[Range]) -> Self {
+    pub fn over(children: &[Range]) -> Self {
         let mut node = Self { planes: [[0.0; WIDTH]; 6], children: [0; WIDTH] };
         for k in 0..3 {
             node.planes[k] = [f32::MAX; WIDTH];
