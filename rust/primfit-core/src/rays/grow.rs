@@ -43,7 +43,6 @@ pub fn tree(
     if has_rounds {
         branch.leave_out_rounds(parts);
     }
-    branch.nodes.shrink_to_fit();
     Ok((branch.nodes, branch.leaves))
 }
 
