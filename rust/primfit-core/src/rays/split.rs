@@ -163,6 +163,7 @@ struct Cut {
 
 /// Equal intervals between the extreme middles.
 struct Intervals {
+    last: f32,
     low: [f32; 8],
     scale: [f32; 8],
 }
@@ -170,13 +171,11 @@ struct Intervals {
 impl Intervals {
     #[inline(always)]
     fn between(middles: &Bounds, n: usize) -> Self {
-        let mut intervals = Self { low: [0.0; 8], scale: [0.0; 8] };
+        let mut intervals = Self { last: (n - 1) as f32, low: [0.0; 8], scale: [0.0; 8] };
         for k in 0..3 {
             let extent = middles.high(k) - middles.low(k);
             intervals.low[k] = middles.low(k);
-            // A hair less than the quotient: rounding takes no middle beyond the last interval.
-            let scale = n as f32 * (1.0 - 4.0 * f32::EPSILON) / extent;
-            intervals.scale[k] = if extent > 1e-30 { scale } else { 0.0 };
+            intervals.scale[k] = if extent > 1e-30 { n as f32 / extent } else { 0.0 };
         }
         intervals
     }
@@ -184,7 +183,9 @@ impl Intervals {
     /// Those of all axes, in the first three lanes.
     #[inline(always)]
     fn of<E: Eight>(&self, part: E) -> [i32; 8] {
-        ((middle(part) - E::load(&self.low)) * E::load(&self.scale)).truncated()
+        let places = (middle(part) - E::load(&self.low)) * E::load(&self.scale);
+        // In this order, what is no number stays none and goes left, as it does in a cut.
+        E::splat(self.last).min(places).truncated()
     }
 
     /// The place on an axis, in intervals.
