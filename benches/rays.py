@@ -4,7 +4,7 @@
     python benches/rays.py --scenes paper city --repeat 5 --threads 2
 
 Needs the extra `bench`. embreex offers no packets: it casts one ray after the other. Every round
-casts with each library in turn; a figure is the median over the rounds. The scene "rounds" holds
+builds and casts with each library in turn; a figure is the median over the rounds. The scene "rounds" holds
 round solids, which primfit casts in closed form; the others, and primfit itself once more, cast the
 meshes of 64 sides that stand for them. Open3D and Embree work in float32, so their ranges may differ
 by its rounding, and rays within rounding of an edge may differ altogether; how many do is printed,
@@ -255,15 +255,22 @@ def main() -> int:
         most_differing = 1e-3 if mesh is given else 5e-2
         extent = float(np.ptp(mesh[0], axis=0).max())
         print(f"\n{scene}, {len(mesh[1])} triangles; seconds to build (CPU, wall):")
-        casters = {}
-        for name, build in libraries.items():
-            if mesh is given and name == "primfit, meshed":
-                continue
-            of = given if name == "primfit" else mesh
-            runs = [timed(partial(build, of, arguments.threads)) for _ in range(3)]
-            casters[name] = runs[-1][2]
+        builders = {
+            name: partial(build, given if name == "primfit" else mesh, arguments.threads)
+            for name, build in libraries.items()
+            if mesh is not given or name != "primfit, meshed"
+        }
+        casters, built = {}, {name: [] for name in builders}
+        for _ in range(arguments.repeat):
+            for name, build in builders.items():
+                cpu, wall, casters[name] = timed(build)
+                built[name].append((cpu, wall))
+        ours = median(run[0] for run in built["primfit"])
+        for name, runs in built.items():
             cpu, wall = (median(run[i] for run in runs) for i in (0, 1))
-            print(f"  {name:18} {cpu:8.4f} {wall:8.4f}")
+            print(
+                f"  {name:18} {cpu:8.4f} {wall:8.4f}   primfit is {cpu / ours:5.2f} times as fast"
+            )
         for beams in arguments.beams:
             rays = BEAMS[beams](places, rng, arguments.share)
             n = len(rays[0])

@@ -56,10 +56,12 @@ pub struct Avx512;
 /// must be inlined to be compiled alike.
 macro_rules! for_each_set {
     (
-        fn $name:ident$(<$generic:ident: $bound:ident, const $flag:ident: bool>)?($($argument:ident: $kind:ty),* $(,)?)
+        $(#[$about:meta])*
+        $visible:vis fn $name:ident$(<$generic:ident: $bound:ident, const $flag:ident: bool>)?($($argument:ident: $kind:ty),* $(,)?)
             -> $result:ty $body:block
     ) => {
-        fn $name$(<$generic: $bound, const $flag: bool>)?(
+        $(#[$about])*
+        $visible fn $name$(<$generic: $bound, const $flag: bool>)?(
             instructions: $crate::instructions::Instructions,
             $($argument: $kind),*
         ) -> $result {

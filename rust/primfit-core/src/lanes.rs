@@ -50,6 +50,13 @@ pub trait Lanes:
     }
 }
 
+/// Two halves of four numbers.
+pub trait Eight: Lanes<Array = [f32; 8]> {
+    fn halves_swapped(self) -> Self;
+    /// Whole numbers, rounded towards zero; what an `i32` does not hold may become any of them.
+    fn truncated(self) -> [i32; 8];
+}
+
 /// A number on each axis.
 #[inline(always)]
 pub fn splat<L: Lanes>(vector: [f32; 3]) -> [L; 3] {
@@ -89,7 +96,7 @@ pub fn lane<T: Copy, const N: usize>(rows: &[[T; N]; 3], i: usize) -> [T; 3] {
 
 /// The lanes of an instruction set.
 pub trait Isa {
-    type Eight: Lanes<Array = [f32; 8]>;
+    type Eight: Eight;
     type Sixteen: Lanes<Array = [f32; 16], Doubles = [f64; 16]>;
 }
 
@@ -205,6 +212,18 @@ impl<const N: usize> Lanes for Plain<N> {
     }
 }
 
+impl Eight for Plain<8> {
+    #[inline(always)]
+    fn halves_swapped(self) -> Self {
+        let [a, b, c, d, e, f, g, h] = self.0;
+        Self([e, f, g, h, a, b, c, d])
+    }
+    #[inline(always)]
+    fn truncated(self) -> [i32; 8] {
+        self.0.map(|x| x as i32)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -232,11 +251,28 @@ mod tests {
         }
     }
 
+    for_each_set! {
+        fn swapped_and_truncated(a: &[f32; 8]) -> ([f32; 8], [i32; 8]) {
+            let a = <Set as Isa>::Eight::load(a);
+            (a.halves_swapped().store(), a.truncated())
+        }
+    }
+
     #[test]
     fn roots_are_rounded_as_ieee_wants() {
         let a = std::array::from_fn(|i| (i as f32).powi(9) * 0.37);
         for set in Instructions::available() {
             assert_eq!(roots(set, &a), a.map(f32::sqrt));
+        }
+    }
+
+    #[test]
+    fn halves_are_swapped_and_fractions_cut_off_on_all_sets() {
+        for set in Instructions::available() {
+            let a = [0.0, 1.5, -1.5, 7.999, -0.4, 16.0, 2e9, -2e9];
+            let (swapped, truncated) = swapped_and_truncated(set, &a);
+            assert_eq!(swapped, [-0.4, 16.0, 2e9, -2e9, 0.0, 1.5, -1.5, 7.999]);
+            assert_eq!(truncated, [0, 1, -1, 7, 0, 16, 2_000_000_000, -2_000_000_000]);
         }
     }
 

@@ -2,7 +2,7 @@
 
 #![allow(clippy::inline_always)]
 
-use super::{Isa, Lanes};
+use super::{Eight, Isa, Lanes};
 use crate::instructions::{Avx2, Avx512};
 #[allow(clippy::wildcard_imports)]
 use std::arch::x86_64::*;
@@ -192,6 +192,21 @@ lanes!(
     |a, b, yes, no| { _mm256_blendv_ps(no, yes, _mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) },
     { _mm256_blendv_ps(no, yes, a) }
 );
+
+impl Eight for Ymm {
+    #[inline(always)]
+    fn halves_swapped(self) -> Self {
+        // SAFETY: callers have enabled the instruction set.
+        Self(unsafe { _mm256_permute2f128_ps::<1>(self.0, self.0) })
+    }
+    #[inline(always)]
+    fn truncated(self) -> [i32; 8] {
+        let mut array = [0; 8];
+        // SAFETY: callers have enabled the instruction set; the array holds a register.
+        unsafe { _mm256_storeu_si256(array.as_mut_ptr().cast(), _mm256_cvttps_epi32(self.0)) };
+        array
+    }
+}
 
 lanes!(
     Zmm,

@@ -104,22 +104,16 @@ impl RayCaster {
         rounds: &[Round],
         workers: &Workers,
     ) -> Result<Self, Error> {
-        let n_vertices = vertices.len();
-        for (triangle, corners) in triangles.iter().enumerate() {
-            for &vertex in corners {
-                if !usize::try_from(vertex).is_ok_and(|vertex| vertex < n_vertices) {
-                    return Err(Error::VertexOutOfRange { triangle, vertex, n_vertices });
-                }
-            }
-        }
         let n = triangles.len() + rounds.len();
-        workers.room(TRIANGLE_BYTES * n + VERTEX_BYTES * n_vertices)?;
+        workers.room(TRIANGLE_BYTES * n + VERTEX_BYTES * vertices.len())?;
+        let instructions = Instructions::best();
+        let build = |stop: &Stop| Tree::new(vertices, triangles, rounds, instructions, stop);
         let tree = if n <= FEW {
-            workers.install(|| Tree::new(vertices, triangles, rounds, &Stop::default()))
+            workers.install(|| build(&Stop::default()))
         } else {
-            workers.watch(|stop| Tree::new(vertices, triangles, rounds, stop))
+            workers.watch(build)
         }?;
-        Ok(Self { tree, names: None, instructions: Instructions::best() })
+        Ok(Self { tree, names: None, instructions })
     }
 
     /// The same, but hits of many rays are called by the name of their triangle.

@@ -12,6 +12,7 @@ mod beam;
 mod bundle;
 mod caster;
 mod depth;
+mod grow;
 mod interleaved;
 mod leaf;
 mod memory;

@@ -193,12 +193,12 @@ pub(super) fn along(a: Vector, scale: f64, b: Vector) -> Vector {
 }
 
 #[inline(always)]
-fn least(a: f64, b: f64) -> f64 {
+pub(super) fn least(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
 #[inline(always)]
-fn greatest(a: f64, b: f64) -> f64 {
+pub(super) fn greatest(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 

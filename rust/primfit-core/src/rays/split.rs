@@ -2,94 +2,100 @@
 //!
 //! Wald: On fast Construction of SAH-based Bounding Volume Hierarchies, RT 2007.
 
+#![allow(clippy::inline_always)]
+
 use crate::Vector;
+use crate::instructions::for_each_set;
+use crate::lanes::{Eight, Isa};
 
 /// Bins of a large set; small sets have fewer.
 const MOST_BINS: usize = 16;
 /// Nodes below the root from which sets are halved, so that the depth has a bound.
 pub const DEEPEST: u32 = 40;
 
-/// A box in float32.
+/// A box in float32: its low corner in lanes 0 to 2, its high corner with all signs turned in 4 to 6,
+/// so that the least of each lane is a box around two. Lanes 3 and 7 do not count.
 #[derive(Clone, Copy)]
-pub struct Bounds {
-    pub low: [f32; 3],
-    pub high: [f32; 3],
-}
+#[repr(C, align(32))]
+pub struct Bounds([f32; 8]);
 
 impl Bounds {
-    const NONE: Self = Self { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
+    const NONE: Self = Self([f32::INFINITY; 8]);
 
-    #[inline]
-    fn add(&mut self, low: [f32; 3], high: [f32; 3]) {
-        for k in 0..3 {
-            self.low[k] = if low[k] < self.low[k] { low[k] } else { self.low[k] };
-            self.high[k] = if high[k] > self.high[k] { high[k] } else { self.high[k] };
-        }
+    pub fn low(&self, axis: usize) -> f32 {
+        self.0[axis]
+    }
+
+    pub fn high(&self, axis: usize) -> f32 {
+        -self.0[4 + axis]
     }
 
     /// Half the surface.
+    #[inline(always)]
     fn area(&self) -> f32 {
-        let [x, y, z] = std::array::from_fn(|k| self.high[k] - self.low[k]);
+        let [x, y, z] = [0, 1, 2].map(|k| self.high(k) - self.low(k));
         x * y + y * z + z * x
     }
 }
 
-/// The box of a triangle or round solid, rounded outward.
+/// The box of a triangle or round solid, rounded outward; its number is in lane 3.
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
-pub struct Part {
-    low: [f32; 3],
-    pub id: u32,
-    high: [f32; 3],
-}
+pub struct Part([f32; 8]);
 
 impl Part {
-    pub fn new(id: u32, corners: [Vector; 3]) -> Self {
-        let [a, b, c] = corners;
-        Self {
-            low: std::array::from_fn(|k| (a[k].min(b[k]).min(c[k]) as f32).next_down()),
-            id,
-            high: std::array::from_fn(|k| (a[k].max(b[k]).max(c[k]) as f32).next_up()),
-        }
+    /// Numbers get this bit, so that arithmetic on all lanes meets no subnormal number.
+    const NORMAL: u32 = 1 << 30;
+
+    pub fn new(id: u32, [low, high]: [Vector; 2]) -> Self {
+        let [a, b, c] = low.map(|x| (x as f32).next_down());
+        let [d, e, f] = high.map(|x| -(x as f32).next_up());
+        Self([a, b, c, f32::from_bits(id | Self::NORMAL), d, e, f, 0.0])
     }
 
-    /// One with a given box.
-    pub fn around(id: u32, [low, high]: [Vector; 2]) -> Self {
-        Self {
-            low: low.map(|x| (x as f32).next_down()),
-            id,
-            high: high.map(|x| (x as f32).next_up()),
-        }
+    /// Its box.
+    #[cfg(test)]
+    pub fn bounds(&self) -> Bounds {
+        Bounds(self.0)
     }
 
-    /// Twice the middle of the box.
-    #[inline]
-    fn middle(&self) -> [f32; 3] {
-        std::array::from_fn(|k| self.low[k] + self.high[k])
+    pub fn id(&self) -> u32 {
+        self.0[3].to_bits() ^ Self::NORMAL
     }
 }
 
-/// A run of parts, its box and the box of their middles.
-#[derive(Clone)]
+/// Twice the middle of a box, and that with its sign turned.
+#[inline(always)]
+fn middle<E: Eight>(bounds: E) -> E {
+    bounds - bounds.halves_swapped()
+}
+
+/// A run of parts, its box and the box of twice their middles.
+#[derive(Clone, Copy)]
 pub struct Range {
     pub first: usize,
     n: usize,
     pub bounds: Bounds,
     middles: Bounds,
+    area: f32,
 }
 
 impl Range {
-    pub fn all(parts: &[Part]) -> Self {
-        Self::over(0, parts)
+    #[inline(always)]
+    fn over<E: Eight>(first: usize, parts: &[Part]) -> Self {
+        let none = E::load(&Bounds::NONE.0);
+        let (mut bounds, mut middles) = (none, none);
+        for part in parts {
+            let part = E::load(&part.0);
+            bounds = part.min(bounds);
+            middles = middle(part).min(middles);
+        }
+        Self::new(first, parts.len(), Bounds(bounds.store()), Bounds(middles.store()))
     }
 
-    fn over(first: usize, parts: &[Part]) -> Self {
-        let (mut bounds, mut middles) = (Bounds::NONE, Bounds::NONE);
-        for part in parts {
-            bounds.add(part.low, part.high);
-            middles.add(part.middle(), part.middle());
-        }
-        Self { first, n: parts.len(), bounds, middles }
+    #[inline(always)]
+    fn new(first: usize, n: usize, bounds: Bounds, middles: Bounds) -> Self {
+        Self { first, n, bounds, middles, area: bounds.area() }
     }
 
     pub fn len(&self) -> usize {
@@ -97,110 +103,191 @@ impl Range {
     }
 
     pub fn area(&self) -> f32 {
-        self.bounds.area()
+        self.area
     }
 }
 
-/// Cuts `range`, whose parts are `parts`, where rays cost least.
-pub fn split(range: &Range, parts: &mut [Part], depth: u32) -> (Range, Range) {
-    let cut = if depth < DEEPEST { Cut::cheapest(range, parts) } else { None };
-    let Some(cut) = cut else {
+for_each_set! {
+    /// That of all parts.
+    pub fn range_of(parts: &[Part]) -> Range {
+        Range::over::<<Set as Isa>::Eight>(0, parts)
+    }
+}
+
+for_each_set! {
+    /// Cuts `range`, whose parts are `parts`, where rays cost least.
+    pub fn split(range: &Range, parts: &mut [Part], depth: u32) -> (Range, Range) {
+        cut::<<Set as Isa>::Eight>(range, parts, depth)
+    }
+}
+
+#[inline(always)]
+fn cut<E: Eight>(range: &Range, parts: &mut [Part], depth: u32) -> (Range, Range) {
+    let cut = if depth < DEEPEST { Cut::cheapest::<E>(range, parts) } else { None };
+    let Some(Cut { intervals, axis, bin, bounds }) = cut else {
         let (left, right) = parts.split_at(parts.len() / 2);
         let first = range.first;
-        return (Range::over(first, left), Range::over(first + left.len(), right));
+        return (Range::over::<E>(first, left), Range::over::<E>(first + left.len(), right));
     };
-    let mut middles = [Bounds::NONE; 2];
-    let (mut i, mut end) = (0, parts.len());
-    while i < end {
-        let middle = parts[i].middle();
-        let is_right = cut.bins.of(middle)[cut.axis] >= cut.bin;
-        middles[usize::from(is_right)].add(middle, middle);
-        if is_right {
-            end -= 1;
-            parts.swap(i, end);
-        } else {
-            i += 1;
+    let none = E::load(&Bounds::NONE.0);
+    let mut middles = [none; 2];
+    let mut n_left = 0;
+    for i in 0..parts.len() {
+        let is_right = intervals.place(&parts[i], axis) >= bin as f32;
+        let part = parts[i];
+        let twice = middle(E::load(&part.0));
+        // No branch: half of them would be foreseen wrongly.
+        let far = [[0.0, f32::INFINITY], [f32::INFINITY, 0.0]][usize::from(is_right)];
+        for side in 0..2 {
+            middles[side] = (twice + E::splat(far[side])).min(middles[side]);
         }
+        parts[i] = parts[n_left];
+        parts[n_left] = part;
+        n_left += usize::from(!is_right);
     }
-    let [left, right] = cut.bounds;
+    let n_right = parts.len() - n_left;
+    let [left, right] = middles;
     (
-        Range { first: range.first, n: i, bounds: left, middles: middles[0] },
-        Range { first: range.first + i, n: parts.len() - i, bounds: right, middles: middles[1] },
+        Range::new(range.first, n_left, bounds[0], Bounds(left.store())),
+        Range::new(range.first + n_left, n_right, bounds[1], Bounds(right.store())),
     )
 }
 
-/// Parts whose bin on `axis` is below `bin` go left.
+/// Parts whose interval on `axis` is below `bin` go left.
 struct Cut {
-    bins: Bins,
+    intervals: Intervals,
     axis: usize,
     bin: usize,
     bounds: [Bounds; 2],
 }
 
 /// Equal intervals between the extreme middles.
-struct Bins {
-    n: usize,
-    low: [f32; 3],
-    scale: [f32; 3],
+struct Intervals {
+    last: f32,
+    low: [f32; 8],
+    scale: [f32; 8],
 }
 
-impl Bins {
-    #[inline]
-    fn of(&self, middle: [f32; 3]) -> [usize; 3] {
-        std::array::from_fn(|k| {
-            (((middle[k] - self.low[k]) * self.scale[k]) as usize).min(self.n - 1)
-        })
+impl Intervals {
+    #[inline(always)]
+    fn between(middles: &Bounds, n: usize) -> Self {
+        let mut intervals = Self { last: (n - 1) as f32, low: [0.0; 8], scale: [0.0; 8] };
+        for k in 0..3 {
+            let extent = middles.high(k) - middles.low(k);
+            intervals.low[k] = middles.low(k);
+            intervals.scale[k] = if extent > 1e-30 { n as f32 / extent } else { 0.0 };
+        }
+        intervals
+    }
+
+    /// Those of all axes, in the first three lanes.
+    #[inline(always)]
+    fn of<E: Eight>(&self, part: E) -> [i32; 8] {
+        let places = (middle(part) - E::load(&self.low)) * E::load(&self.scale);
+        // In this order, what is no number stays none and goes left, as it does in a cut.
+        E::splat(self.last).min(places).truncated()
+    }
+
+    /// The place on an axis, in intervals.
+    #[inline(always)]
+    fn place(&self, part: &Part, axis: usize) -> f32 {
+        (part.0[axis] - part.0[4 + axis] - self.low[axis]) * self.scale[axis]
+    }
+}
+
+/// What lies in an interval.
+#[derive(Clone, Copy)]
+struct Bin {
+    bounds: Bounds,
+    n: u32,
+}
+
+impl Bin {
+    const EMPTY: Self = Self { bounds: Bounds::NONE, n: 0 };
+}
+
+type Bins = [[Bin; MOST_BINS]; 3];
+
+#[inline(always)]
+fn put<E: Eight>(part: &Part, intervals: &Intervals, bins: &mut Bins) {
+    let part = E::load(&part.0);
+    let row = intervals.of(part);
+    for k in 0..3 {
+        let bin = &mut bins[k][row[k] as usize % MOST_BINS];
+        bin.bounds = Bounds(part.min(E::load(&bin.bounds.0)).store());
+        bin.n += 1;
     }
 }
 
 impl Cut {
     /// None when all middles agree.
-    fn cheapest(range: &Range, parts: &[Part]) -> Option<Self> {
+    #[inline(always)]
+    fn cheapest<E: Eight>(range: &Range, parts: &[Part]) -> Option<Self> {
         let n = (4 + parts.len() / 16).min(MOST_BINS);
-        let Bounds { low, high } = range.middles;
-        let bins = Bins {
-            n,
-            low,
-            scale: std::array::from_fn(|k| {
-                let extent = high[k] - low[k];
-                if extent > 1e-30 { n as f32 / extent } else { 0.0 }
-            }),
-        };
-        let mut counts = [[0_u32; MOST_BINS]; 3];
-        let mut boxes = [[Bounds::NONE; MOST_BINS]; 3];
-        for part in parts {
-            let row = bins.of(part.middle());
-            for k in 0..3 {
-                counts[k][row[k]] += 1;
-                boxes[k][row[k]].add(part.low, part.high);
-            }
+        let intervals = Intervals::between(&range.middles, n);
+        let mut bins = [[Bin::EMPTY; MOST_BINS]; 3];
+        // Neighbours mostly share their bins, and would wait for each other.
+        let (early, late) = parts.split_at(parts.len() / 2);
+        let (later, last) = late.split_at(early.len());
+        for (early, late) in early.iter().zip(later) {
+            put::<E>(early, &intervals, &mut bins);
+            put::<E>(late, &intervals, &mut bins);
         }
-        let mut best: Option<(f32, usize, usize, [Bounds; 2])> = None;
-        for axis in (0..3).filter(|&k| bins.scale[k] > 0.0) {
-            let mut right = [(0, Bounds::NONE); MOST_BINS];
-            let mut sum = (0, Bounds::NONE);
+        for part in last {
+            put::<E>(part, &intervals, &mut bins);
+        }
+        let mut best = (f32::INFINITY, 0, 0);
+        for axis in (0..3).filter(|&k| intervals.scale[k] > 0.0) {
+            let mut right = [f32::INFINITY; MOST_BINS];
+            let mut side = Side::<E>::empty();
             for bin in (1..n).rev() {
-                sum.0 += counts[axis][bin];
-                sum.1.add(boxes[axis][bin].low, boxes[axis][bin].high);
-                right[bin] = sum;
+                side.add(&bins[axis][bin]);
+                right[bin] = side.cost();
             }
-            let mut left = (0, Bounds::NONE);
+            let mut side = Side::<E>::empty();
             for bin in 1..n {
-                left.0 += counts[axis][bin - 1];
-                left.1.add(boxes[axis][bin - 1].low, boxes[axis][bin - 1].high);
-                let right = right[bin];
-                if left.0 == 0 || right.0 == 0 {
-                    continue;
-                }
-                let cost = [left, right]
-                    .iter()
-                    .map(|(count, bounds)| bounds.area() * count.next_multiple_of(4) as f32)
-                    .sum();
-                if best.as_ref().is_none_or(|best| cost < best.0) {
-                    best = Some((cost, axis, bin, [left.1, right.1]));
+                side.add(&bins[axis][bin - 1]);
+                let cost = side.cost() + right[bin];
+                if cost < best.0 {
+                    best = (cost, axis, bin);
                 }
             }
         }
-        best.map(|(_, axis, bin, bounds)| Self { bins, axis, bin, bounds })
+        let (cost, axis, bin) = best;
+        let mut bounds = [Bounds::NONE; 2];
+        for (bounds, some) in bounds.iter_mut().zip([0..bin, bin..n]) {
+            let mut side = Side::<E>::empty();
+            for bin in &bins[axis][some] {
+                side.add(bin);
+            }
+            *bounds = Bounds(side.bounds.store());
+        }
+        (cost < f32::INFINITY).then_some(Self { intervals, axis, bin, bounds })
+    }
+}
+
+/// What is on one side of a cut.
+struct Side<E> {
+    n: u32,
+    bounds: E,
+}
+
+impl<E: Eight> Side<E> {
+    #[inline(always)]
+    fn empty() -> Self {
+        Self { n: 0, bounds: E::load(&Bounds::NONE.0) }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, bin: &Bin) {
+        self.n += bin.n;
+        self.bounds = E::load(&bin.bounds.0).min(self.bounds);
+    }
+
+    /// Of rays through it; infinite when nothing is there.
+    #[inline(always)]
+    fn cost(&self) -> f32 {
+        let cost = Bounds(self.bounds.store()).area() * self.n.next_multiple_of(4) as f32;
+        if self.n == 0 { f32::INFINITY } else { cost }
     }
 }

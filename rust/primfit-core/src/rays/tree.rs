@@ -6,10 +6,12 @@
 
 #![allow(clippy::inline_always)]
 
+use super::grow::{self, Leaf};
 use super::memory::with_room;
-use super::round::Round;
-use super::split::{Part, Range, split};
+use super::round::{Round, greatest, least};
+use super::split::{Part, Range};
 use super::triangle::Corners;
+use crate::instructions::Instructions;
 use crate::workers::Stop;
 use crate::{Error, Vector};
 use rayon::prelude::*;
@@ -22,14 +24,14 @@ pub const LEAF: u32 = 1 << 31;
 pub const ROUND_LEAF: u32 = 1 << 30;
 /// Nodes from which a tree does not stay in the cache.
 const CACHED: usize = 4000;
-/// Parts that are worth another thread, and fewest items that one fills in.
-const PARALLEL: usize = 1 << 14;
+/// Fewest items that a thread fills in.
 const AT_ONCE: usize = 1 << 11;
 /// Items between two looks at whether to stop.
 const STEP: usize = 1 << 18;
 
 /// The boxes of eight children and where they are.
 #[derive(Clone)]
+#[cfg_attr(test, derive(Debug, PartialEq))]
 #[repr(C, align(64))]
 pub struct Node {
     /// Low x, y, z, then high x, y, z; a missing child has its low above its high.
@@ -116,61 +118,64 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// `triangles` must name vertices that exist.
-    ///
     /// # Errors
+    /// [`Error::VertexOutOfRange`] when a triangle names a vertex that does not exist,
     /// [`Error::Stopped`] when the caller does not want to go on.
     pub fn new(
         vertices: &[Vector],
         triangles: &[[i64; 3]],
         rounds: &[Round],
+        instructions: Instructions,
         stop: &Stop,
     ) -> Result<Self, Error> {
+        let frame = Frame::around(reach(vertices, triangles, rounds, stop)?);
         let corners = |id: u32| triangles[id as usize].map(|vertex| vertices[vertex as usize]);
-        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for (id, triangle) in triangles.iter().enumerate() {
-            if id % STEP == 0 {
-                stop.check()?;
-            }
-            for vertex in triangle.map(|vertex| vertices[vertex as usize]) {
-                for k in 0..3 {
-                    low[k] = low[k].min(vertex[k]);
-                    high[k] = high[k].max(vertex[k]);
-                }
-            }
-        }
-        for [least, greatest] in rounds.iter().map(Round::bounds) {
-            for k in 0..3 {
-                low[k] = low[k].min(least[k]);
-                high[k] = high[k].max(greatest[k]);
-            }
-        }
-        let frame = Frame::around([low, high]);
+        let part = |id, corners: [Vector; 2]| Part::new(id, corners.map(|v| frame.place(v)));
         let mut parts = filled(triangles.len(), stop, |id| {
-            Part::new(id as u32, corners(id as u32).map(|v| frame.place(v)))
+            let [a, b, c] = corners(id as u32);
+            part(id as u32, around(around([a; 2], [b; 2]), [c; 2]))
         })?;
         let first_round = triangles.len() as u32;
-        parts.extend(
-            (first_round..).zip(rounds).map(|(id, round)| {
-                Part::around(id, round.bounds().map(|corner| frame.place(corner)))
-            }),
-        );
-        let mut branch = Branch { first_round, ..Branch::default() };
-        if !parts.is_empty() {
-            branch.grow(Range::all(&parts), &mut parts, 0, stop)?;
-        }
-        if !rounds.is_empty() {
-            branch.leave_out_rounds(&mut parts);
-        }
-        let exact = filled(parts.len(), stop, |i| Exact::new(corners(parts[i].id), parts[i].id))?;
-        let blocks = filled(branch.leaves.len(), stop, |i| {
-            let (first, count) = branch.leaves[i];
-            Block::new(frame, &exact, first, count)
-        })?;
-        let mut nodes = with_room(branch.nodes.len());
-        nodes.append(&mut branch.nodes);
+        parts.extend((first_round..).zip(rounds).map(|(id, round)| part(id, round.bounds())));
+        let (nodes, leaves) = grow::tree(&mut parts, first_round, instructions, stop)?;
+        let exact =
+            filled(parts.len(), stop, |i| Exact::new(corners(parts[i].id()), parts[i].id()))?;
+        let blocks = filled(leaves.len(), stop, |i| Block::new(frame, &exact, leaves[i]))?;
         Ok(Self { frame, nodes, blocks, exact, rounds: rounds.to_vec() })
     }
+}
+
+/// Lower and upper corner of the box around all.
+fn reach(
+    vertices: &[Vector],
+    triangles: &[[i64; 3]],
+    rounds: &[Round],
+    stop: &Stop,
+) -> Result<[Vector; 2], Error> {
+    let mut reach = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for (triangle, corners) in triangles.iter().enumerate() {
+        if triangle % STEP == 0 {
+            stop.check()?;
+        }
+        for &vertex in corners {
+            let place = usize::try_from(vertex).ok().and_then(|row| vertices.get(row));
+            let Some(&place) = place else {
+                let n_vertices = vertices.len();
+                return Err(Error::VertexOutOfRange { triangle, vertex, n_vertices });
+            };
+            reach = around(reach, [place; 2]);
+        }
+    }
+    Ok(rounds.iter().map(Round::bounds).fold(reach, around))
+}
+
+/// The box around two.
+#[inline(always)]
+fn around([low, high]: [Vector; 2], [other_low, other_high]: [Vector; 2]) -> [Vector; 2] {
+    [
+        std::array::from_fn(|k| least(low[k], other_low[k])),
+        std::array::from_fn(|k| greatest(high[k], other_high[k])),
+    ]
 }
 
 /// Items by number, with a look at `stop` now and then.
@@ -209,7 +214,7 @@ impl Tree {
 }
 
 impl Block {
-    fn new(frame: Frame, exact: &[Exact], first: u32, count: u32) -> Self {
+    fn new(frame: Frame, exact: &[Exact], Leaf { first, n }: Leaf) -> Self {
         let mut block = Self {
             vertex: [[0.0; WIDTH]; 3],
             edges: [[[0.0; WIDTH]; 3]; 2],
@@ -217,145 +222,32 @@ impl Block {
             extent: [-1e-3; WIDTH],
             first,
         };
-        for (lane, triangle) in exact[first as usize..][..count as usize].iter().enumerate() {
-            let [a, b, c] = [0, 1, 2].map(|i| triangle.corner(i));
-            let vertex = frame.place(a);
-            // Below it, squares leave the range of float32; a wider margin does no harm.
-            let mut extent = 1e-12_f32;
+        for (lane, triangle) in exact[first as usize..][..n as usize].iter().enumerate() {
+            let mut extent = 0.0_f32;
             for k in 0..3 {
-                block.vertex[k][lane] = vertex[k] as f32;
-                for (edge, end) in block.edges.iter_mut().zip([b, c]) {
-                    edge[k][lane] = ((end[k] - a[k]) * frame.scale) as f32;
-                    extent = extent.max(edge[k][lane].abs().next_up());
+                let [a, ends @ .., _] = triangle.corners[k];
+                block.vertex[k][lane] = ((a - frame.center[k]) * frame.scale) as f32;
+                for (edge, end) in block.edges.iter_mut().zip(ends) {
+                    edge[k][lane] = ((end - a) * frame.scale) as f32;
+                    extent = extent.max(edge[k][lane].abs());
                 }
             }
-            block.extent[lane] = extent;
+            // Below it, squares leave the range of float32; a wider margin does no harm.
+            block.extent[lane] = extent.next_up().max(1e-12);
         }
         block
     }
 }
 
-/// Nodes and leaves (first part, number of parts) of a part of the tree.
-#[derive(Default)]
-struct Branch {
-    nodes: Vec<Node>,
-    leaves: Vec<(u32, u32)>,
-    /// Parts from this number on are round solids.
-    first_round: u32,
-}
-
-impl Branch {
-    /// Appends the node over `range`; `parts` begin where the range does.
-    fn grow(
-        &mut self,
-        range: Range,
-        parts: &mut [Part],
-        depth: u32,
-        stop: &Stop,
-    ) -> Result<(), Error> {
-        stop.check()?;
-        let first = range.first;
-        let mut children = vec![range];
-        while children.len() < WIDTH {
-            let widest = (0..children.len())
-                .filter(|&i| !self.is_leaf(&children[i], &parts[children[i].first - first..]))
-                .max_by(|&i, &j| children[i].area().total_cmp(&children[j].area()));
-            let Some(widest) = widest else { break };
-            stop.check()?;
-            let child = children[widest].clone();
-            let here = child.first - first;
-            let (left, right) = split(&child, &mut parts[here..here + child.len()], depth);
-            children[widest] = left;
-            children.insert(widest + 1, right);
-        }
-        let row = self.nodes.len();
-        self.nodes.push(Node::over(&children));
-        let mut rest = parts;
-        let mut grown: Vec<(usize, Range, &mut [Part])> = Vec::new();
-        for (slot, child) in children.into_iter().enumerate() {
-            let (these, others) = rest.split_at_mut(child.len());
-            rest = others;
-            if self.is_leaf(&child, these) {
-                self.nodes[row].children[slot] = if these[0].id < self.first_round {
-                    self.leaves.push((child.first as u32, child.len() as u32));
-                    LEAF | (self.leaves.len() - 1) as u32
-                } else {
-                    LEAF | ROUND_LEAF | (these[0].id - self.first_round)
-                };
-            } else {
-                grown.push((slot, child, these));
-            }
-        }
-        if grown.iter().map(|(_, child, _)| child.len()).sum::<usize>() < PARALLEL {
-            for (slot, child, parts) in grown {
-                self.nodes[row].children[slot] = self.nodes.len() as u32;
-                self.grow(child, parts, depth + 1, stop)?;
-            }
-            return Ok(());
-        }
-        let branches = grown
-            .into_par_iter()
-            .map(|(slot, child, parts)| {
-                let mut branch = Self { first_round: self.first_round, ..Self::default() };
-                branch.grow(child, parts, depth + 1, stop)?;
-                Ok((slot, branch))
-            })
-            .collect::<Result<Vec<_>, Error>>()?;
-        for (slot, branch) in branches {
-            self.nodes[row].children[slot] = self.nodes.len() as u32;
-            self.append(branch);
-        }
-        Ok(())
-    }
-
-    fn append(&mut self, branch: Self) {
-        let (n_nodes, n_leaves) = (self.nodes.len() as u32, self.leaves.len() as u32);
-        self.nodes.extend(branch.nodes.into_iter().map(|mut node| {
-            for child in &mut node.children {
-                *child += match *child & (LEAF | ROUND_LEAF) {
-                    0 => n_nodes,
-                    LEAF => n_leaves,
-                    _ => 0,
-                };
-            }
-            node
-        }));
-        self.leaves.extend(branch.leaves);
-    }
-
-    /// Whether a range of parts that begin with it is a leaf: few triangles, or one round solid.
-    fn is_leaf(&self, range: &Range, parts: &[Part]) -> bool {
-        let n = range.len();
-        n <= WIDTH && (n == 1 || parts[..n].iter().all(|part| part.id < self.first_round))
-    }
-
-    /// Leaves only triangles in `parts`, and counts the leaves by them.
-    fn leave_out_rounds(&mut self, parts: &mut Vec<Part>) {
-        let mut n_triangles = 0;
-        let before: Vec<u32> = parts
-            .iter()
-            .map(|part| {
-                n_triangles += u32::from(part.id < self.first_round);
-                n_triangles - u32::from(part.id < self.first_round)
-            })
-            .collect();
-        for (first, _) in &mut self.leaves {
-            *first = before[*first as usize];
-        }
-        parts.retain(|part| part.id < self.first_round);
-    }
-}
-
 impl Node {
-    fn over(children: &[Range]) -> Self {
+    pub fn over(children: &[Range]) -> Self {
         let mut node = Self { planes: [[0.0; WIDTH]; 6], children: [0; WIDTH] };
-        for slot in 0..WIDTH {
-            for k in 0..3 {
-                let (low, high) = children.get(slot).map_or((f32::MAX, f32::MIN), |child| {
-                    (child.bounds.low[k], child.bounds.high[k])
-                });
-                node.planes[k][slot] = low;
-                node.planes[3 + k][slot] = high;
+        for k in 0..3 {
+            node.planes[k] = [f32::MAX; WIDTH];
+            node.planes[3 + k] = [f32::MIN; WIDTH];
+            for (slot, child) in children.iter().enumerate() {
+                node.planes[k][slot] = child.bounds.low(k);
+                node.planes[3 + k][slot] = child.bounds.high(k);
             }
         }
         node
