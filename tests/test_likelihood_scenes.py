@@ -52,31 +52,23 @@ def test_two_squares_two_centimetres_apart(noise, seed):
     assert max(row.center_error_mm for row in report.rows) < 1.5
 
 
-@pytest.mark.parametrize(
-    "seed",
-    [
-        1,
-        2,
-        3,
-        4,
-        pytest.param(
-            5,
-            marks=pytest.mark.xfail(
-                strict=False,
-                reason="in such noise the smaller one is a rectangle on one map in four",
-            ),
-        ),
-    ],
-)
-def test_two_triangles_three_centimetres_apart_in_much_noise(seed):
+def test_two_triangles_three_centimetres_apart_in_much_noise():
+    """The smaller one is another shape on one scan in four, or is off by more: 24 of 32 are right."""
     solids = [
         primfit.Prism.regular(3, 0.281, center=(0.517, 0.46), angle=0.804),
         primfit.Prism.regular(3, 0.205, center=(0.610, 0.263), angle=1.462),
     ]
     world = primfit.World(solids, primfit.Arena((1, 1)))
-    report = primfit.evaluate(primfit.detect(scanned(world, 0.2, seed), rng=seed), world)
-    assert report.all_right
-    assert max(row.center_error_mm for row in report.rows) < 2.5
+    n_right = 0
+    for seed in range(1, 13):
+        report = primfit.evaluate(primfit.detect(scanned(world, 0.2, seed), rng=seed), world)
+        assert not report.missed
+        assert not report.spurious
+        larger, smaller = report.rows
+        assert larger.found == "triangle"
+        assert larger.center_error_mm < 2.5
+        n_right += smaller.found == "triangle" and smaller.center_error_mm < 2.5
+    assert n_right >= 8
 
 
 @pytest.mark.parametrize(
