@@ -233,7 +233,7 @@ def detect_surfaces(
     around = np.maximum(parts.sigma * rough, _FLOOR * size)
     tree = _primfit.PointTree(cloud, threads)
     order = tree.order()
-    found, sorted_labels = _primfit.detect_surfaces(
+    found, sorted_labels, sorted_shared = _primfit.detect_surfaces(
         tree,
         np.ascontiguousarray(around[order]),
         np.ascontiguousarray(parts.labels[order]),
@@ -242,6 +242,8 @@ def detect_surfaces(
     )
     belongs = np.empty(len(cloud), dtype=np.int64)
     belongs[order] = sorted_labels
+    is_shared = np.empty(len(cloud), dtype=bool)
+    is_shared[order] = sorted_shared
     surfaces: list[Plane | CurvedSurface] = []
     thresholds: list[float] = []
     labels = np.full(len(scan), -1, dtype=np.int64)
@@ -252,11 +254,17 @@ def detect_surfaces(
             if kind not in wanted:
                 continue
             own = np.flatnonzero(belongs == number)
-            fitted: Plane | CurvedSurface | None
+            fitted: Plane | CurvedSurface | None = None
             if kind == "plane":
                 fitted = _plane(own, rows, measured, around, outlines, threads)
             else:
-                fitted = _curved(kind, np.array(numbers), own, rows, measured, least, threads)
+                some = measured.among(own)
+                fit = last_fit(kind, np.array(numbers), some, _OUTLIERS, threads, is_shared[own])
+                # What it shares with others may be nearly all of it.
+                if not fit.is_determined:
+                    fit = last_fit(kind, np.array(numbers), some, _OUTLIERS, threads)
+                if fit.is_determined and fit.is_inlier.sum() >= least:
+                    fitted = fit.found(rows[own], threads)
             if fitted is None:
                 continue
             labels[fitted.inliers] = len(surfaces)
@@ -323,20 +331,3 @@ def _plane(
         covariance=covariance,
         holes=outline.holes,
     )
-
-
-def _curved(
-    kind: str,
-    numbers: Floats,
-    own: Ints,
-    rows: Ints,
-    measured: Measured,
-    least: int,
-    n_jobs: int | None,
-) -> CurvedSurface | None:
-    """The last fit of a surface to some points; None where these do not determine it."""
-    fit = last_fit(kind, numbers, measured.among(own), _OUTLIERS, n_jobs)
-    if not fit.is_determined or fit.is_inlier.sum() < least:
-        return None
-    found: CurvedSurface = fit.found(rows[own], n_jobs)
-    return found

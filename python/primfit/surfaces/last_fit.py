@@ -112,20 +112,29 @@ class LastFit:
 
 
 def last_fit(
-    kind: str, start: Floats, measured: Measured, outliers: float, n_jobs: int | None
+    kind: str,
+    start: Floats,
+    measured: Measured,
+    outliers: float,
+    n_jobs: int | None,
+    is_shared: Bools | None = None,
 ) -> LastFit:
     """Fits a surface from a start near it, until fit and noise agree.
 
+    Points that are shared with another surface may be inliers, but do not count where most are not.
     Ranges are fitted where the beams are known and most meet the surface steeply, else distances.
     """
     cutoff = _CUTOFF if outliers else np.inf
-    noise = measured.sigma
-    if noise is None:
-        noise = _spread(kind, start, measured, outliers)
-    kept = np.ones(len(noise), dtype=bool)
+    all_noise = measured.sigma
+    if all_noise is None:
+        all_noise = _spread(kind, start, measured, outliers)
+    kept = np.ones(len(all_noise), dtype=bool)
     if outliers:
-        kept = _is_amid_others(kind, start, measured, noise, n_jobs)
-    some, noise, beams, numbers = measured.among(kept), noise[kept], None, start
+        kept = _is_amid_others(kind, start, measured, all_noise, n_jobs)
+    counts = kept
+    if is_shared is not None and 2 * (kept & is_shared).sum() < kept.sum():
+        counts = kept & ~is_shared
+    some, noise, beams, numbers = measured.among(counts), all_noise[counts], None, start
     if measured.beams is not None:
         beams = some.beams
     for _ in range(_ROUNDS):
@@ -141,17 +150,14 @@ def last_fit(
         factor = float(np.sqrt(_variance(kind, residuals, outliers, cutoff)))
         if not noise[0] * factor > _LEAST_NOISE * measured.size or abs(factor - 1.0) < _SETTLED:
             break
-        noise = noise * factor
+        noise, all_noise = noise * factor, all_noise * factor
     # Of a given noise, what is larger shows that it, or the surface, is not what it was taken for.
     covariance = covariance * (variance if measured.sigma is None else max(variance, 1.0))
     all_residuals, is_inlier = np.full(len(kept), np.nan), kept
-    all_residuals[kept] = residuals
+    all_residuals[counts] = residuals
     if outliers:
-        off = np.abs(_primfit.surface_distances(kind, numbers, some.points))
-        is_inlier = kept.copy()
-        is_inlier[kept] = off < _INLIER * noise
-    all_noise = np.full(len(kept), np.nan)
-    all_noise[kept] = noise
+        off = np.abs(_primfit.surface_distances(kind, numbers, measured.points))
+        is_inlier = kept & (off < _INLIER * all_noise)
     return LastFit(
         kind, numbers, covariance, all_residuals, all_noise, is_inlier, measured, beams is not None
     )

@@ -1,6 +1,7 @@
 //! Planes, spheres, cylinders, cones and tori: distances, first guesses, fits, detection.
 
 mod beams;
+mod bending;
 mod cloud;
 mod competition;
 mod contrast;

@@ -53,7 +53,7 @@ pub fn fit_surface<'py>(
     }
     let start = from_numbers(kind_of(kind)?, &start);
     let measured = Measured { points, sigma, beams };
-    let how = SurfaceEffort { cutoff, n_steps, is_isotropic };
+    let how = SurfaceEffort { cutoff, n_steps, still: SurfaceEffort::STILL, is_isotropic };
     let fit = door::enter(py, n_jobs, |workers| {
         primfit_core::fit_surface(&start, &measured, &how, workers)
     })?;
@@ -105,9 +105,11 @@ pub fn correlation_area(
     door::enter(py, n_jobs, |workers| primfit_core::correlation_area(tree.core(), errors, workers))
 }
 
-type Detected<'py> = (Vec<(&'static str, Numbers)>, Bound<'py, PyArray1<i64>>);
+type Detected<'py> =
+    (Vec<(&'static str, Numbers)>, Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<bool>>);
 
-/// Kind and numbers of each surface, and the surface of each point in the order of the tree.
+/// Kind and numbers of each surface; of each point in the order of the tree its surface, and whether
+/// that meets another there.
 #[pyfunction]
 #[pyo3(signature = (tree, sigma, parts, least, n_jobs=None))]
 pub fn detect_surfaces<'py>(
@@ -131,7 +133,8 @@ pub fn detect_surfaces<'py>(
     })?;
     let labels: Vec<i64> = found.labels.into_iter().map(i64::from).collect();
     let named = |surface: Surface| (NAMES[surface.kind as usize], to_numbers(surface));
-    Ok((found.surfaces.into_iter().map(named).collect(), labels.into_pyarray(py)))
+    let surfaces = found.surfaces.into_iter().map(named).collect();
+    Ok((surfaces, labels.into_pyarray(py), found.is_shared.into_pyarray(py)))
 }
 
 /// Names of the kinds, in their order.

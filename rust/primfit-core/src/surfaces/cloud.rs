@@ -21,8 +21,10 @@ const SIZES: [usize; 5] = [12, 24, 48, 96, 192];
 const ERROR: f64 = 3.545;
 /// Standard deviations from which a point does not count.
 const CUTOFF: f64 = 5.0;
-/// Most steps of a fit, coarse and fine.
+/// Most steps of a fit, coarse and fine, and the square of one, in standard errors, that is none: a
+/// tenth of one moves the sum of squares by a hundredth, where a parameter costs three and more.
 const STEPS: usize = 10;
+const STILL: f64 = 0.01;
 /// Square of the standard deviations that the misfit of a point is at most.
 pub const FAR: f64 = 9.0;
 /// Largest radius in terms of the extent of the points: beyond, the sagitta of a patch that points
@@ -38,6 +40,8 @@ pub struct Cloud<'a> {
     /// Standard deviation of each normal, radians.
     pub errors: Vec<f64>,
     pub graph: Graph,
+    /// Number of points whose errors are one.
+    pub area: f64,
 }
 
 /// Some points, gathered.
@@ -53,7 +57,12 @@ impl<'a> Cloud<'a> {
     ///
     /// # Errors
     /// [`Error::Stopped`] when the caller does not want to go on.
-    pub fn new(tree: &'a PointTree, sigma: &'a [f64], workers: &Workers) -> Result<Self, Error> {
+    pub fn new(
+        tree: &'a PointTree,
+        sigma: &'a [f64],
+        area: f64,
+        workers: &Workers,
+    ) -> Result<Self, Error> {
         let points = tree.points();
         let graph = Graph::new(tree, NEAREST, LOOKED_AT, workers)?;
         let mut found = vec![([0.0; 3], 0.0); points.len()];
@@ -75,7 +84,7 @@ impl<'a> Cloud<'a> {
             },
         )?;
         let (normals, errors) = found.into_iter().unzip();
-        Ok(Self { points, sigma, normals, errors, graph })
+        Ok(Self { points, sigma, normals, errors, graph, area })
     }
 
     /// Up to `most` of some points, evenly.
@@ -92,7 +101,8 @@ impl<'a> Cloud<'a> {
 }
 
 impl Sample {
-    /// The surface of a kind that fits best, from a given one or from the normals.
+    /// The surface of a kind that fits best, from a given one or from the normals; None where half of
+    /// the points are far from it.
     pub fn fitted(&self, kind: Kind, start: Option<Surface>) -> Option<Surface> {
         let oriented = Oriented { points: &self.points, normals: &self.normals };
         let mut surface = match start {
@@ -107,13 +117,16 @@ impl Sample {
             // From afar by a scale that lets half of the points count.
             let sigma: Vec<f64> = self.sigma.iter().map(|sigma| sigma * off).collect();
             surface = self.settled(&surface, &sigma);
+            if self.median_misfit(&surface) > FAR.sqrt() {
+                return None;
+            }
         }
         surface = self.settled(&surface, &self.sigma);
         surface.is_sound(FLATTEST * self.extent()).then_some(surface)
     }
 
     fn settled(&self, start: &Surface, sigma: &[f64]) -> Surface {
-        let how = Effort { cutoff: CUTOFF, n_steps: STEPS, is_isotropic: false };
+        let how = Effort { cutoff: CUTOFF, n_steps: STEPS, still: STILL, is_isotropic: false };
         settled(start, &Measured { points: &self.points, sigma, beams: None }, &how).0
     }
 

@@ -1,10 +1,13 @@
 //! Surfaces as sets of labelled points: which belongs to which, which two are one, of which kind.
 
+use super::bending::Flatness;
 use super::cloud::{Cloud, FAR, square};
 use super::growing::{NOBODY, worth};
 use super::surface::{Kind, Surface};
+use super::vectors::along;
 use crate::{Error, Workers};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
+use std::collections::BTreeSet;
 
 /// Points that a surface is fitted to between two competitions.
 const MOST_FITTED: usize = 3000;
@@ -31,8 +34,9 @@ pub fn members(labels: &[i32], n: usize) -> Vec<Vec<u32>> {
     members
 }
 
-/// One sweep: each point takes the best label among its neighbours', or none. All look at the old
-/// labels (an auto-logistic prior, as in the competition of planes).
+/// Sweeps in which each point takes the best label among its neighbours', or none. All look at the
+/// labels of the last sweep (an auto-logistic prior, as in the competition of planes); those near
+/// which none changed in it would choose as before.
 ///
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
@@ -40,34 +44,66 @@ pub fn compete(
     cloud: &Cloud,
     labels: &[i32],
     surfaces: &[Surface],
+    n_sweeps: usize,
     workers: &Workers,
 ) -> Result<Vec<i32>, Error> {
-    let mut next = vec![NOBODY; labels.len()];
+    let mut labels = labels.to_vec();
+    let mut has_changed = vec![true; labels.len()];
+    for _ in 0..n_sweeps {
+        let next = swept(cloud, &labels, surfaces, &has_changed, workers)?;
+        for ((changed, new), old) in has_changed.iter_mut().zip(&next).zip(&labels) {
+            *changed = new != old;
+        }
+        labels = next;
+        if !has_changed.contains(&true) {
+            break;
+        }
+    }
+    Ok(labels)
+}
+
+fn swept(
+    cloud: &Cloud,
+    labels: &[i32],
+    surfaces: &[Surface],
+    has_changed: &[bool],
+    workers: &Workers,
+) -> Result<Vec<i32>, Error> {
+    let mut next = labels.to_vec();
     workers.fill(&mut next, 1, Vec::<(i32, f64)>::new, |counts, i, best| {
+        let near = cloud.graph.of(i);
+        if !has_changed[i] && !near.iter().any(|&other| has_changed[other as usize]) {
+            return;
+        }
         counts.clear();
         counts.push((NOBODY, 0.0));
-        let near = cloud.graph.of(i);
         for label in near.iter().map(|&other| labels[other as usize]).chain([labels[i]]) {
             match counts.iter_mut().find(|entry| entry.0 == label) {
                 Some(entry) => entry.1 += 1.0,
                 None => counts.push((label, 1.0)),
             }
         }
+        best[0] = NOBODY;
         if counts.len() == 1 {
             return;
         }
+        let at = |label: i32, place: usize| {
+            square(&surfaces[label as usize], &cloud.points[place], cloud.sigma[place])
+        };
+        counts.retain(|entry| entry.0 == NOBODY || at(entry.0, i) <= FAR);
         counts.sort_by_key(|entry| entry.0);
+        // Where surfaces touch without an edge a point alone cannot tell whose it is.
+        let is_shared = counts.iter().filter(|entry| entry.0 != NOBODY).count() > 1;
         let all = near.len() as f64 + 1.0;
         let mut least = f64::INFINITY;
         for &(label, count) in counts.iter() {
             let cost = if label == NOBODY {
                 ALONE
+            } else if is_shared {
+                let others = near.iter().map(|&other| at(label, other as usize).min(FAR));
+                (others.sum::<f64>() + at(label, i)) / all
             } else {
-                let cost = square(&surfaces[label as usize], &cloud.points[i], cloud.sigma[i]);
-                if cost > FAR {
-                    continue;
-                }
-                cost
+                at(label, i)
             };
             let cost = 0.5 * cost - NEIGHBORS * (count / all + LEAST_SHARE).ln();
             if cost < least {
@@ -76,6 +112,58 @@ pub fn compete(
         }
     })?;
     Ok(next)
+}
+
+/// Which points lie where their surface meets another that it touches: whose foot on theirs is within
+/// three standard deviations of the other. Such a point may be the other's; of feet, which errors
+/// across the surface do not move, a choice makes no bias.
+///
+/// # Errors
+/// [`Error::Stopped`] when the caller does not want to go on.
+pub fn shared(
+    cloud: &Cloud,
+    labels: &[i32],
+    surfaces: &[Surface],
+    workers: &Workers,
+) -> Result<Vec<bool>, Error> {
+    let mut touching = vec![BTreeSet::new(); surfaces.len()];
+    for (place, &label) in labels.iter().enumerate().filter(|pair| *pair.1 != NOBODY) {
+        for &other in cloud.graph.of(place) {
+            let other = labels[other as usize];
+            if other != NOBODY && other != label {
+                touching[label as usize].insert(other as usize);
+                touching[other as usize].insert(label as usize);
+            }
+        }
+    }
+    let mut shared = vec![false; labels.len()];
+    workers.fill(
+        &mut shared,
+        1,
+        || (),
+        |(), i, shared| {
+            if labels[i] == NOBODY {
+                return;
+            }
+            let own = labels[i] as usize;
+            let at = surfaces[own].sight(&cloud.points[i]);
+            let foot = along(&cloud.points[i], &at.normal, -at.distance);
+            let is_near = |other: &usize| square(&surfaces[*other], &foot, cloud.sigma[i]) <= FAR;
+            shared[0] = touching[own].iter().any(is_near);
+        },
+    )?;
+    Ok(shared)
+}
+
+/// Members without those that are shared, where most are not.
+pub fn without(mut members: Vec<Vec<u32>>, is_shared: &[bool]) -> Vec<Vec<u32>> {
+    for own in &mut members {
+        let n_shared = own.iter().filter(|&&place| is_shared[place as usize]).count();
+        if 2 * n_shared < own.len() {
+            own.retain(|&place| !is_shared[place as usize]);
+        }
+    }
+    members
 }
 
 /// Each surface fitted to its points, of the kind that is worth its parameters.
@@ -102,8 +190,11 @@ fn chosen(cloud: &Cloud, places: &[u32], known: &[Surface]) -> Option<(f64, Surf
     let sample = cloud.sample(places, MOST_FITTED);
     let scale = places.len() as f64 / sample.points.len() as f64;
     let n = places.len() as f64;
+    let pairs = sample.points.iter().zip(sample.sigma.iter().copied());
+    let is_flat = Flatness::of(places.len(), pairs).is_some_and(|flat| flat.is_flat(cloud.area));
+    let kinds = if is_flat { &Kind::ALL[..1] } else { &Kind::ALL[..] };
     let mut best: Option<(f64, Surface)> = None;
-    for kind in Kind::ALL {
+    for &kind in kinds {
         let starts = known.iter().filter(|one| one.kind == kind).map(|one| Some(*one));
         let found = starts
             .chain([None])
@@ -115,7 +206,7 @@ fn chosen(cloud: &Cloud, places: &[u32], known: &[Surface]) -> Option<(f64, Surf
             .min_by(|a, b| a.0.total_cmp(&b.0));
         let Some(found) = found else { continue };
         best = Some(match best {
-            Some(best) if best.0 - found.0 < worth(best.1.kind, kind, n) => best,
+            Some(best) if best.0 - found.0 < worth(best.1.kind, kind, n, cloud.area) => best,
             _ => found,
         });
     }
@@ -164,7 +255,7 @@ pub fn merged(
             let n = both.len() as f64;
             let n_fewer = known.iter().map(|one| one.kind.n_parameters()).sum::<usize>() as f64
                 - surface.kind.n_parameters() as f64;
-            if cost - apart <= (n_fewer + 2.0) * n.ln() + RISE * n {
+            if cost - apart <= (n_fewer + 2.0) * cloud.area * n.ln() + RISE * n {
                 surfaces[i] = surface;
                 into[j] = i;
                 for &place in &own[j] {

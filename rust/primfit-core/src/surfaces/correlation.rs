@@ -21,34 +21,48 @@ const CLEAR: f64 = 3.0;
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
 pub fn correlation_area(tree: &PointTree, errors: &[f64], workers: &Workers) -> Result<f64, Error> {
-    let n = errors.len();
-    let square = errors.iter().map(|u| u * u).sum::<f64>() / n as f64;
-    let n_neighbors = (GROUP * MOST_GROUPS).min(n / 2);
-    if n_neighbors < GROUP || square <= 0.0 || !square.is_finite() {
-        return Ok(1.0);
+    workers.check()?;
+    let places: Vec<u32> = (0..errors.len() as u32).collect();
+    let error = |place: u32| Some(errors[tree.rows()[place as usize] as usize]);
+    Ok(workers.install(|| area_of(tree, &places, SAMPLES, error, &mut Search::default())))
+}
+
+/// The same for some places of a tree, around at most so many of them; `error` has none for others.
+pub fn area_of(
+    tree: &PointTree,
+    places: &[u32],
+    n_samples: usize,
+    error: impl Fn(u32) -> Option<f64>,
+    search: &mut Search,
+) -> f64 {
+    let n = places.len();
+    let own = |place: &u32| error(*place).unwrap_or(0.0);
+    let square = places.iter().map(|place| own(place).powi(2)).sum::<f64>() / n as f64;
+    let n_groups = MOST_GROUPS.min(n / 2 / GROUP);
+    if n_groups == 0 || square <= 0.0 || !square.is_finite() {
+        return 1.0;
     }
-    let stride = n.div_ceil(SAMPLES);
-    let n_groups = n_neighbors / GROUP;
-    let mut products = vec![[0.0; MOST_GROUPS]; n.div_ceil(stride)];
-    workers.fill(&mut products, 1, Search::default, |search, i, row| {
-        let place = i * stride;
-        let own = errors[tree.rows()[place] as usize];
-        let near = tree.nearest(&tree.points()[place], n_neighbors + 1, search);
-        let others = near.iter().filter(|other| other.place as usize != place);
-        for (k, other) in others.take(n_groups * GROUP).enumerate() {
-            row[0][k / GROUP] += own * errors[other.row as usize] / GROUP as f64;
-        }
-    })?;
-    let n_samples = products.len() as f64;
-    // Each pair may come twice.
-    let chance = CLEAR * (2.0 / (n_samples * GROUP as f64)).sqrt();
     let mut area = 1.0;
-    for group in 0..n_groups {
-        let alike = products.iter().map(|row| row[group]).sum::<f64>() / n_samples / square;
-        if alike < chance {
-            break;
+    // The first group is the last one where errors are independent.
+    for some in [0..1, 1..n_groups] {
+        let mut sums = [(0.0, 0.0); MOST_GROUPS];
+        for place in places.iter().step_by(n.div_ceil(n_samples)) {
+            let at = &tree.points()[*place as usize];
+            let near = tree.nearest(at, some.end * GROUP + 1, search);
+            let others = near.iter().filter(|other| other.place != *place);
+            for (k, other) in others.filter_map(|other| error(other.place)).enumerate() {
+                let sum = &mut sums[k / GROUP];
+                *sum = (sum.0 + own(place) * other, sum.1 + 1.0);
+            }
         }
-        area += alike * GROUP as f64;
+        for (products, n_pairs) in &sums[some] {
+            let alike = products / n_pairs / square;
+            // Each pair may come twice.
+            if alike.is_nan() || alike < CLEAR * (2.0 / n_pairs).sqrt() {
+                return area;
+            }
+            area += alike * GROUP as f64;
+        }
     }
-    Ok(area)
+    area
 }

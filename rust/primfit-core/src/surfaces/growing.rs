@@ -18,7 +18,9 @@ const MOST_ALONG: f64 = 0.7;
 const WIDER: f64 = 1.7;
 /// Rounds of growth, which end once the ball holds all that the surface takes.
 const ROUNDS: usize = 24;
-/// Points that a growing surface is fitted to.
+/// Points that a surface is fitted to while it grows, which carries the next ball at a tenth of a
+/// standard deviation, and at the end.
+const MOST_GROWING: usize = 500;
 const MOST_FITTED: usize = 1500;
 /// What a point costs that a kind does not take but another does.
 const MISSED: f64 = 10.0;
@@ -69,13 +71,15 @@ impl Flood {
             if members.len() <= surface.kind.n_parameters() {
                 return None;
             }
-            let sample = cloud.sample(&members, MOST_FITTED);
-            surface = sample.fitted(surface.kind, Some(surface))?;
             if !is_cut && members.len() <= n_before + n_before / 50 {
-                return Some(Grown { surface, members });
+                break;
             }
+            let sample = cloud.sample(&members, MOST_GROWING);
+            surface = sample.fitted(surface.kind, Some(surface))?;
             reach *= WIDER * WIDER;
         }
+        let sample = cloud.sample(&members, MOST_FITTED);
+        surface = sample.fitted(surface.kind, Some(surface))?;
         Some(Grown { surface, members })
     }
 
@@ -145,19 +149,24 @@ pub fn best_of(cloud: &Cloud, grown: Vec<Grown>) -> Option<Grown> {
         let missed = n - one.members.len() as f64;
         let cost = squares.sum::<f64>() + MISSED * missed;
         best = Some(match best {
-            Some(best) if best.0 - cost < worth(best.1.surface.kind, one.surface.kind, n) => best,
+            Some(best)
+                if best.0 - cost < worth(best.1.surface.kind, one.surface.kind, n, cloud.area) =>
+            {
+                best
+            }
             _ => (cost, one),
         });
     }
     best.map(|best| best.1)
 }
 
-/// By how much the sum of squares has to fall for a kind in place of one with fewer parameters.
-pub fn worth(simpler: Kind, kind: Kind, n: f64) -> f64 {
+/// By how much the sum of squares of `n` points, of which as many as `area` err as one, has to fall
+/// for a kind in place of one with fewer parameters: what chance lets it fall by grows with the area.
+pub fn worth(simpler: Kind, kind: Kind, n: f64, area: f64) -> f64 {
     let n_more = kind.n_parameters() as f64 - simpler.n_parameters() as f64;
-    let plain = n_more * (n.ln() + PER_PARAMETER) + PER_POINT * n;
+    let plain = n_more * area * (n.ln() + PER_PARAMETER) + PER_POINT * n;
     if simpler == Kind::Plane {
-        plain + PER_POINT_OF_PLANE * n + PER_LOG_OF_PLANE * n.ln()
+        plain + PER_POINT_OF_PLANE * n + PER_LOG_OF_PLANE * area * n.ln()
     } else {
         plain
     }

@@ -30,13 +30,14 @@ pub struct Seed {
     pub surfaces: Vec<Surface>,
 }
 
-/// Hypotheses around places, those that explain most points first.
+/// Hypotheses around places through free points, those that explain most points first.
 ///
 /// # Errors
 /// [`Error::Stopped`] when the caller does not want to go on.
 pub fn hypotheses(
     tree: &PointTree,
     cloud: &Cloud,
+    labels: &[i32],
     places: &[u32],
     workers: &Workers,
 ) -> Result<Vec<Seed>, Error> {
@@ -45,32 +46,64 @@ pub fn hypotheses(
         let place = places[i];
         let near = tree.nearest(&cloud.points[place as usize], SIZES[SIZES.len() - 1], search);
         let near: Vec<u32> = near.iter().map(|other| other.place).collect();
-        seed[0].place = place;
+        let mut largest = None;
         for size in SIZES {
-            let start = &near[..size.min(near.len())];
-            let found = at_scale(cloud, place, start, EXPLAINED);
+            let some = near[..size.min(near.len())].iter().copied();
+            let start: Vec<u32> = some.filter(|&other| labels[other as usize] == NOBODY).collect();
+            if 2 * start.len() < size {
+                break;
+            }
+            let first = AtScale::new(cloud, start, EXPLAINED);
             // Larger neighbourhoods hold this one.
-            let Some(found) = found else { break };
-            seed[0] = found;
+            let Some(first) = first else { break };
+            largest = Some(first);
             if size >= near.len() {
                 break;
             }
+        }
+        if let Some(largest) = largest {
+            seed[0] = largest.seed(place);
         }
     })?;
     Ok(ranked(seeds))
 }
 
-/// The kinds through some points; None where none explains them.
-fn at_scale(cloud: &Cloud, place: u32, start: &[u32], explained: f64) -> Option<Seed> {
-    let sample: Sample = cloud.sample(start, MOST_FITTED);
-    let mut seed =
-        Seed { place, start: start.to_vec(), misfit: f64::INFINITY, surfaces: Vec::new() };
-    for kind in Kind::ALL {
-        let Some(surface) = sample.fitted(kind, None) else { continue };
-        seed.misfit = seed.misfit.min(sample.misfit(&surface));
-        seed.surfaces.push(surface);
+/// Points that some kind explains, with the kinds that were looked at to know it.
+struct AtScale {
+    start: Vec<u32>,
+    sample: Sample,
+    misfit: f64,
+    surfaces: Vec<Surface>,
+    n_tried: usize,
+}
+
+impl AtScale {
+    /// Kinds through some points up to the first that explains them; None where none does.
+    fn new(cloud: &Cloud, start: Vec<u32>, explained: f64) -> Option<Self> {
+        let sample = cloud.sample(&start, MOST_FITTED);
+        let mut found =
+            Self { start, sample, misfit: f64::INFINITY, surfaces: Vec::new(), n_tried: 0 };
+        while found.misfit > explained {
+            found.add(*Kind::ALL.get(found.n_tried)?);
+        }
+        Some(found)
     }
-    (seed.misfit <= explained).then_some(seed)
+
+    fn add(&mut self, kind: Kind) {
+        self.n_tried += 1;
+        let Some(surface) = self.sample.fitted(kind, None) else { return };
+        self.misfit = self.misfit.min(self.sample.misfit(&surface));
+        self.surfaces.push(surface);
+    }
+
+    /// With all kinds.
+    fn seed(mut self, place: u32) -> Seed {
+        for kind in &Kind::ALL[self.n_tried..] {
+            self.add(*kind);
+        }
+        let Self { start, misfit, surfaces, .. } = self;
+        Seed { place, start, misfit, surfaces }
+    }
 }
 
 /// Hypotheses around free places over smooth balls of free points: across no edge.
@@ -93,7 +126,8 @@ pub fn smooth_hypotheses(
         |seen, i, seed| {
             let ball = smooth_ball(cloud, labels, places[i], size, seen);
             if ball.len() >= SIZES[0].min(size) {
-                seed[0] = at_scale(cloud, places[i], &ball, explained).unwrap_or_default();
+                let found = AtScale::new(cloud, ball, explained);
+                seed[0] = found.map(|found| found.seed(places[i])).unwrap_or_default();
             }
         },
     )?;

@@ -13,8 +13,6 @@ const DAMPING: f64 = 1e-3;
 const EASED: f64 = 0.1;
 const TIGHTENED: f64 = 8.0;
 const MOST_DAMPING: f64 = 1e8;
-/// Square of a step, in standard errors, that is none: a thousandth of one.
-const STILL: f64 = 1e-6;
 /// The same of a last step that may be left: a seventh of one.
 const RESTLESS: f64 = 0.02;
 /// Fall of the cost, as a share of it, that rounding may be.
@@ -51,9 +49,16 @@ pub struct Effort {
     pub cutoff: f64,
     /// Most steps.
     pub n_steps: usize,
+    /// Square of a step, in standard errors, that is none.
+    pub still: f64,
     /// Whether the noise is alike in all directions, which moves the mean distance from curved
     /// surfaces: half of sigma squared times the sum of the curvatures.
     pub is_isotropic: bool,
+}
+
+impl Effort {
+    /// Square of the last step of a last fit: a thousandth of a standard error.
+    pub const STILL: f64 = 1e-6;
 }
 
 /// A surface fitted to points.
@@ -134,9 +139,26 @@ impl Measured<'_> {
 
     /// The normal equations.
     fn sums(&self, surface: &Surface, frame: &Frame, how: &Effort, side: f64) -> Sums {
+        match surface.kind {
+            Kind::Plane => self.sums_of::<3>(surface, frame, how, side),
+            Kind::Sphere => self.sums_of::<4>(surface, frame, how, side),
+            Kind::Cylinder => self.sums_of::<5>(surface, frame, how, side),
+            Kind::Cone => self.sums_of::<6>(surface, frame, how, side),
+            Kind::Torus => self.sums_of::<7>(surface, frame, how, side),
+        }
+    }
+
+    /// The same for `K` parameters.
+    fn sums_of<const K: usize>(
+        &self,
+        surface: &Surface,
+        frame: &Frame,
+        how: &Effort,
+        side: f64,
+    ) -> Sums {
         let of = |chunk: usize| {
             let mut sums = Sums::new();
-            let k = surface.kind.n_parameters();
+            let (mut matrix, mut right) = ([[0.0; K]; K], [0.0; K]);
             for i in chunk * CHUNK..self.points.len().min((chunk + 1) * CHUNK) {
                 let Some((u, slopes)) = self.row(i, surface, frame, how, side) else { continue };
                 sums.n += 1.0;
@@ -149,12 +171,18 @@ impl Measured<'_> {
                 let weight = inside * inside;
                 // The limit of least squares must not be computed as a difference of the infinite.
                 sums.cost += u * u * (1.0 - share + share * share / 3.0);
-                for a in 0..k {
+                for a in 0..K {
                     let weighted = weight * slopes[a];
-                    sums.right[a] += weighted * u;
-                    for (b, slope) in slopes.iter().enumerate().take(a + 1) {
-                        sums.matrix[(a, b)] += weighted * slope;
+                    right[a] += weighted * u;
+                    for b in 0..=a {
+                        matrix[a][b] += weighted * slopes[b];
                     }
+                }
+            }
+            for (a, row) in matrix.iter().enumerate() {
+                sums.right[a] = right[a];
+                for (b, product) in row.iter().enumerate().take(a + 1) {
+                    sums.matrix[(a, b)] = *product;
                 }
             }
             sums
@@ -204,7 +232,7 @@ pub fn settled(start: &Surface, measured: &Measured, how: &Effort) -> (Surface, 
         let fall = sums.cost - next_sums.cost;
         if fall >= 0.0 {
             (surface, frame) = (next, next_frame);
-            let is_still = square <= STILL || fall <= ROUNDING * sums.cost;
+            let is_still = square <= how.still || fall <= ROUNDING * sums.cost;
             sums = next_sums;
             if is_still && damping <= DAMPING {
                 return (surface, true);
@@ -232,7 +260,7 @@ fn settled_in_ranges(start: &Surface, measured: &Measured, how: &Effort) -> (Sur
         let Some((change, square)) = step(&sums, start.kind.n_parameters(), 0.0) else { break };
         surface = surface.stepped(&frame, &change);
         last = square;
-        if square <= STILL {
+        if square <= how.still {
             break;
         }
     }
