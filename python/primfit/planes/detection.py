@@ -22,6 +22,7 @@ from primfit.planes.plane import Plane, Planes
 from primfit.planes.ransac import Orientation
 from primfit.planes.scan_planes import SIGMAS, Progress, check_enough
 from primfit.planes.search import Search
+from primfit.planes.surfaces import FlatParts
 from primfit.scans.columns import as_sigma
 from primfit.scans.recorded import as_scan
 from primfit.scans.scan import Scan
@@ -150,6 +151,33 @@ def detect_planes(
     if callable(sigma):
         sigma = sigma(np.asarray(scan.points))
     generator(rng)
+    return find_planes(
+        scan,
+        sigma,
+        orientation=orientation,
+        max_angle=max_angle,
+        threshold=threshold,
+        min_points=min_points,
+        n_jobs=n_jobs,
+        progress=progress,
+    )[0]
+
+
+def find_planes(
+    scan: Scan,
+    sigma: ArrayLike | None,
+    *,
+    orientation: Any,
+    max_angle: float | None,
+    threshold: float | None,
+    min_points: int | None,
+    n_jobs: int | None,
+    progress: Progress,
+) -> tuple[Planes, FlatParts | None]:
+    """The planes of a scan as `detect_planes` finds them, and the flat parts that they come from.
+
+    Those of an image, or by a threshold, are None: their noise is not what `flat_parts` tells.
+    """
     offset = scan.far_offset
     scan = scan.moved(-offset)
     wanted = Orientation.of(orientation, max_angle)
@@ -224,7 +252,8 @@ def detect_planes(
     # The points may be changed before someone asks.
     again = replace(search, cloud=search.cloud.copy())
     firmness = Firmness(labels, len(planes), order[returns[order]], again.labels)
-    return Planes(tuple(planes), labels, used, np.array(thresholds), settings, firmness)
+    found = Planes(tuple(planes), labels, used, np.array(thresholds), settings, firmness)
+    return found, parts if search.image is None and limit is None else None
 
 
 Part = tuple[tuple[Floats, Floats, float], float, Ints]

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from primfit._check import Ints, choice, instance, integer, number
+from primfit._check import Ints, choice, generator, instance, integer, n_jobs_or_none, number
 from primfit.clouds.pinhole import is_of_pinhole
-from primfit.planes.detection import detect_planes
+from primfit.planes.detection import find_planes
 from primfit.planes.plane import Plane
 from primfit.planes.ransac import Orientation
 from primfit.planes.scan_planes import Progress
@@ -19,7 +19,7 @@ from primfit.results import Detection
 from primfit.scans.columns import as_sigma
 from primfit.scans.scan import Scan
 from primfit.solids.found import FoundSolid
-from primfit.surfaces.detection import KINDS, detect_surfaces
+from primfit.surfaces.detection import KINDS, LEAST, find_surfaces
 from primfit.surfaces.kinds import CurvedSurface
 from primfit.surfaces.round_solids import round_solids, tiles_of
 
@@ -119,10 +119,10 @@ def detect_by_planes(
         sigma = sigma(np.asarray(scan.points))
     is_of_camera = not scan.has_origins and is_of_pinhole(scan.points[scan.is_return])
     seen = Scan.from_points(scan.points, np.zeros(3), scan.sigma) if is_of_camera else scan
-    planes = detect_planes(
+    generator(rng)
+    planes, parts = find_planes(
         seen,
-        sigma=sigma,
-        rng=rng,
+        sigma,
         orientation=how.orientation,
         max_angle=how.max_angle,
         threshold=how.threshold,
@@ -135,7 +135,7 @@ def detect_by_planes(
     rounds: list[FoundSolid] = []
     kinds = [kind for kind in how.kinds if kind != "plane"]
     if kinds:
-        found = detect_surfaces(seen, sigma=sigma, rng=rng, kinds=kinds, n_jobs=n_jobs)
+        found = find_surfaces(seen, sigma, kinds, LEAST, n_jobs_or_none(n_jobs), parts=parts)
         curved = tuple(each for each in found if not isinstance(each, Plane))
         noise = seen.sigma if sigma is None else as_sigma(sigma, len(seen))
         rounds = round_solids(curved, flat, scan.points, noise if np.any(noise) else None)

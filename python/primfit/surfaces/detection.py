@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from primfit._check import Floats, Ints, choice, generator, integer, n_jobs_or_n
 from primfit._progress import Progress, reporting
 from primfit.clouds.foreign import PointsLike
 from primfit.geometry.extents import extent
+from primfit.geometry.products import dots
 from primfit.planes.detection import fit_parts
 from primfit.planes.outlines import Outlines
 from primfit.planes.plane import Plane
@@ -34,7 +35,7 @@ from primfit.surfaces.last_fit import Measured, last_fit
 
 KINDS = ("plane", "sphere", "cylinder", "cone", "torus")
 
-_LEAST = 50
+LEAST = 50
 """Fewest points of a surface: seven for each parameter of a torus."""
 
 _TELLS_ROUGHNESS = 150
@@ -208,12 +209,25 @@ def detect_surfaces(
     ]
     if not wanted:
         raise ValueError(f"kinds must name at least one of {', '.join(KINDS)}")
-    least = _LEAST if min_points is None else integer("min_points", min_points, low=10)
+    least = LEAST if min_points is None else integer("min_points", min_points, low=10)
     generator(rng)
     threads = n_jobs_or_none(n_jobs)
     scan = as_scan(points, origins, copy=False)
     if callable(sigma):
         sigma = sigma(np.asarray(scan.points))
+    return find_surfaces(scan, sigma, wanted, least, threads, progress)
+
+
+def find_surfaces(
+    scan: Scan,
+    sigma: ArrayLike | None,
+    kinds: Sequence[str],
+    min_points: int,
+    n_jobs: int | None,
+    progress: Progress = False,
+    parts: FlatParts | None = None,
+) -> Surfaces:
+    """The surfaces of a scan as `detect_surfaces` finds them, from its flat parts if known."""
     offset = scan.far_offset
     scan = scan.moved(-offset)
     rows = np.flatnonzero(scan.is_return)
@@ -228,17 +242,20 @@ def detect_surfaces(
         noise = np.maximum(noise, _FLOOR * size)
     beams = np.ascontiguousarray(scan.directions[rows]) if scan.has_origins else None
     measured = Measured(cloud, noise, beams, size)
-    parts = flat_parts(cloud, noise, threads)
-    rough = 1.0 if noise is not None else _roughness(cloud, parts, threads)
+    if parts is None:
+        parts = flat_parts(cloud, noise, n_jobs)
+    else:
+        parts = replace(parts, labels=parts.labels[rows], sigma=parts.sigma[rows])
+    rough = 1.0 if noise is not None else _roughness(cloud, parts, n_jobs)
     around = np.maximum(parts.sigma * rough, _FLOOR * size)
-    tree = _primfit.PointTree(cloud, threads)
+    tree = _primfit.PointTree(cloud, n_jobs)
     order = tree.order()
     found, sorted_labels, sorted_shared = _primfit.detect_surfaces(
         tree,
         np.ascontiguousarray(around[order]),
         np.ascontiguousarray(parts.labels[order]),
-        least,
-        threads,
+        min_points,
+        n_jobs,
     )
     belongs = np.empty(len(cloud), dtype=np.int64)
     belongs[order] = sorted_labels
@@ -247,24 +264,24 @@ def detect_surfaces(
     surfaces: list[Plane | CurvedSurface] = []
     thresholds: list[float] = []
     labels = np.full(len(scan), -1, dtype=np.int64)
-    outlines = Outlines(threads)
+    outlines = Outlines(n_jobs)
     with reporting(progress, len(found), "surface") as tell:
         for number, (kind, numbers) in enumerate(found):
             tell(number + 1)
-            if kind not in wanted:
+            if kind not in kinds:
                 continue
             own = np.flatnonzero(belongs == number)
             fitted: Plane | CurvedSurface | None = None
             if kind == "plane":
-                fitted = _plane(own, rows, measured, around, outlines, threads)
+                fitted = _plane(own, rows, measured, around, outlines, n_jobs)
             else:
                 some = measured.among(own)
-                fit = last_fit(kind, np.array(numbers), some, _OUTLIERS, threads, is_shared[own])
+                fit = last_fit(kind, np.array(numbers), some, _OUTLIERS, n_jobs, is_shared[own])
                 # What it shares with others may be nearly all of it.
                 if not fit.is_determined:
-                    fit = last_fit(kind, np.array(numbers), some, _OUTLIERS, threads)
-                if fit.is_determined and fit.is_inlier.sum() >= least:
-                    fitted = fit.found(rows[own], threads)
+                    fit = last_fit(kind, np.array(numbers), some, _OUTLIERS, n_jobs)
+                if fit.is_determined and fit.is_inlier.sum() >= min_points:
+                    fitted = fit.found(rows[own], n_jobs)
             if fitted is None:
                 continue
             labels[fitted.inliers] = len(surfaces)
@@ -275,7 +292,7 @@ def detect_surfaces(
         labels,
         float(np.median(around if noise is None else noise)),
         np.array(thresholds),
-        {"min_points": least, "roughness": rough},
+        {"min_points": min_points, "roughness": rough},
     )
 
 
@@ -321,6 +338,9 @@ def _plane(
     if part is None:
         return None
     (equation, covariance, rms), _, near = part
+    if some.beams is None:
+        off = dots(some.points[near], equation[:3]) + equation[3]
+        rms = float(np.sqrt(np.mean(off**2)))
     outline = outlines.of(equation, some.points, near)
     return Plane(
         equation=equation,
