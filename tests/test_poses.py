@@ -374,10 +374,7 @@ def test_motions_lay_places_on_others():
 @pytest.mark.parametrize("with_arena", [True, False])
 def test_a_moved_map_is_right_in_the_frame_of_its_arena(world, found, with_arena):
     motion = Motion(np.radians(4.0), np.array([0.05, -0.03]))
-    solids = tuple(
-        replace(each, footprint=motion.of(each.footprint), angle=each.angle + motion.turn)
-        for each in found.solids
-    )
+    solids = tuple(each.laid(motion) for each in found.solids)
     arena = replace(found.arena, footprint=motion.of(found.arena.footprint))
     moved = replace(found, solids=solids, arena=arena if with_arena else None)
     before = primfit.evaluate(found, world, frame="arena")
