@@ -28,7 +28,7 @@ def looking_at(middle, distance, n, height=1.5):
     bearings = 2 * np.pi * np.arange(n) / n
     poses = np.tile(np.eye(4), (n, 1, 1))
     poses[:, :3, :3] = Rotation.from_euler(
-        "zy", np.column_stack([bearings + np.pi, np.full(n, 0.3)])
+        "ZY", np.column_stack([bearings + np.pi, np.full(n, 0.3)])
     ).as_matrix()
     poses[:, :2, 3] = middle + distance * np.column_stack([np.cos(bearings), np.sin(bearings)])
     poses[:, 2, 3] = height
@@ -233,12 +233,25 @@ def test_noise_may_be_a_function_of_the_points(seen):
     assert any(solid.surfaces for solid in found.solids)
 
 
+@pytest.mark.parametrize("copies", [1, 2])
+@pytest.mark.parametrize("radius", [0.02, 0.2])
+def test_a_pipe_without_ends_is_no_polygon(radius, copies):
+    pipe = np.tile(cloud_of(on_cylinder(radius, 1.0, 2 * np.pi, 4000), 0.0005), (copies, 1))
+    found = primfit.detect(pipe, rng=1)
+    assert (found.method, [solid.title for solid in found.solids]) == ("planes", ["cylinder"])
+    assert found.solids[0].solid.radius == pytest.approx(radius, abs=2e-4)
+
+
 def test_settings_name_their_method(seen):
     _, scan, _ = seen
-    with pytest.raises(ValueError, match=r"kinds must hold 'plane', not only sphere"):
+    with pytest.raises(ValueError, match=r"kinds must hold 'plane', not sphere"):
         PlaneSettings(kinds="sphere")
     with pytest.raises(ValueError, match="kinds"):
         PlaneSettings(kinds=("plane", "cube"))
+    with pytest.raises(ValueError, match=r"kinds must hold 'plane', not none"):
+        PlaneSettings(kinds=())
+    with pytest.raises(TypeError, match=r"kinds must be names out of plane, .*; not None"):
+        PlaneSettings(kinds=None)
     with pytest.raises(TypeError, match="settings must not be given twice"):
         primfit.detect(scan, PlaneSettings(), settings=PlaneSettings())
     with pytest.raises(

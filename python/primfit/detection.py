@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from typing import Any, Literal, TypedDict, Unpack, overload
@@ -17,11 +17,13 @@ from primfit.clouds.upright import uprightness
 from primfit.likelihood.detection import detect_likelihood
 from primfit.likelihood.settings import LikelihoodSettings
 from primfit.paper.detection import PaperSettings, detect_paper
+from primfit.planes.plane import Plane
 from primfit.planes.scan_planes import Progress
 from primfit.polyhedra.detection import PlaneSettings, detect_by_planes
 from primfit.results import Detection
 from primfit.scans.recorded import as_scan
 from primfit.scans.scan import Scan
+from primfit.surfaces.detection import detect_surfaces
 
 Settings = LikelihoodSettings | PlaneSettings | PaperSettings
 """How a method runs; each is that of one method."""
@@ -75,6 +77,7 @@ class _OfPlanes(_Common, total=False):
     max_angle: float | None
     threshold: float | None
     min_points: int | None
+    kinds: Sequence[str]
 
 
 class _OfPaper(_Common, total=False):
@@ -88,6 +91,7 @@ class _OfAny(_Common, total=False):
     max_angle: float | None
     threshold: float | None
     min_points: int | None
+    kinds: Sequence[str]
     tolerance: float | None
     pose_sigma: ArrayLike | None
     step_sigma: ArrayLike | None
@@ -147,9 +151,9 @@ def detect(
         Same `rng`, same result, at any number of threads.
     **options
         Of the method: `settings`, `sigma`, `n_jobs` and `progress` of each; of "planes" and "paper"
-        `orientation` and `max_angle`; `threshold` and `min_points` of "planes"; `tolerance`,
-        `pose_sigma`, `step_sigma` and `estimate` of "likelihood". The page of each method tells of
-        them.
+        `orientation` and `max_angle`; `threshold`, `min_points` and `kinds` of "planes";
+        `tolerance`, `pose_sigma`, `step_sigma` and `estimate` of "likelihood". The page of each
+        method tells of them.
 
     Returns
     -------
@@ -206,6 +210,19 @@ def detect(
     return replace(found, settings=found.settings | {"method_reason": reason})
 
 
+_THINNED = 5000
+"""Points that tell whether upright walls are flat."""
+
+
+def _are_round(points: Floats) -> bool:
+    """Whether most of the points on upright walls are on curved ones, as those of a pipe are."""
+    distinct = np.unique(points, axis=0)
+    found = detect_surfaces(distinct[:: -(-len(distinct) // _THINNED)])
+    curved = sum(len(each.inliers) for each in found if not isinstance(each, Plane))
+    flat = sum(len(each.inliers) for each in found.planes if abs(each.equation[2]) < 0.5)
+    return curved > flat
+
+
 def _named_by(settings: object) -> str:
     for name, method in _METHODS.items():
         if isinstance(settings, method.settings):
@@ -240,9 +257,10 @@ def choose_method(scan: Scan | PointsLike) -> tuple[str, str]:
     """The method that `detect` takes by itself, and why.
 
     "likelihood" for a scan that knows where its beams began, and either how far the sensor sees
-    or which beams did not return. Of returns alone, what the cloud holds decides: upright walls
-    with nothing level or leaning but a floor are "likelihood" where the origins are known, and
-    "paper" where not, since solids whose tops nobody saw do not close; all others are "planes".
+    or which beams did not return. Of returns alone, what the cloud holds decides: upright walls,
+    most of them flat, with nothing level or leaning but a floor are "likelihood" where the origins
+    are known, and "paper" where not, since solids whose tops nobody saw do not close; all others
+    are "planes".
 
     Parameters
     ----------
@@ -269,7 +287,12 @@ def choose_method(scan: Scan | PointsLike) -> tuple[str, str]:
     if recorded.has_origins and not recorded.is_return.all():
         return "likelihood", "origins of the beams are known, and which did not return"
     points = recorded.points[recorded.is_return]
-    if len(points) and np.isfinite(points).all() and uprightness(points).has_only_walls:
+    if (
+        len(points)
+        and np.isfinite(points).all()
+        and uprightness(points).has_only_walls
+        and not _are_round(points)
+    ):
         if recorded.has_origins:
             return "likelihood", "upright walls, no tops seen, and origins of the beams are known"
         return "paper", "a cloud of upright walls, no tops seen"

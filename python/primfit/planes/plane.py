@@ -14,6 +14,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from primfit._check import Floats, Ints, writable
 from primfit._later import Later, called, mapped, replaced
+from primfit.clouds.foreign import PointsLike, points_of
 from primfit.geometry.products import product
 from primfit.viewing.shown import Shown
 
@@ -78,13 +79,14 @@ class Plane:
             "offset": float(np.sqrt(variances[3])),
         }
 
-    def distances(self, points: Floats) -> Floats:
+    def distances(self, points: PointsLike) -> Floats:
         """Signed distances (n,) of points (n, 3), metres, positive where the normal points."""
-        return product(points, self.equation[:3, None])[:, 0] + self.equation[3]
+        rows = points_of("points", points)
+        return product(rows, self.equation[:3, None])[:, 0] + self.equation[3]
 
-    def normals(self, points: Floats) -> Floats:
+    def normals(self, points: PointsLike) -> Floats:
         """Unit normals (n, 3) at the feet of points (n, 3)."""
-        return np.broadcast_to(self.equation[:3], points.shape).copy()
+        return np.broadcast_to(self.equation[:3], points_of("points", points).shape).copy()
 
     @property
     def center(self) -> Floats:

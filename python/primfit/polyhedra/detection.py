@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -56,9 +56,12 @@ class PlaneSettings:
         if self.min_points is not None:
             integer("min_points", self.min_points, low=3)
         kinds = [self.kinds] if isinstance(self.kinds, str) else self.kinds
-        object.__setattr__(self, "kinds", tuple(choice("kinds", each, KINDS) for each in kinds))
-        if "plane" not in self.kinds:
-            raise ValueError(f"kinds must hold 'plane', not only {', '.join(self.kinds)}")
+        if not isinstance(kinds, Collection):
+            raise TypeError(f"kinds must be names out of {', '.join(KINDS)}; not {kinds!r}")
+        chosen = {choice("kinds", each, KINDS) for each in kinds}
+        if "plane" not in chosen:
+            raise ValueError(f"kinds must hold 'plane', not {', '.join(sorted(chosen)) or 'none'}")
+        object.__setattr__(self, "kinds", tuple(kind for kind in KINDS if kind in chosen))
 
 
 def detect_by_planes(
@@ -71,6 +74,7 @@ def detect_by_planes(
     sigma: Any = None,
     threshold: float | None = None,
     min_points: int | None = None,
+    kinds: Sequence[str] | None = None,
     n_jobs: int | None = None,
     progress: Progress = False,
 ) -> Detection:
@@ -93,7 +97,7 @@ def detect_by_planes(
         As those of `detect_planes`.
     settings : PlaneSettings or None
         None for the defaults.
-    orientation, max_angle, threshold, min_points
+    orientation, max_angle, threshold, min_points, kinds
         As in the settings, instead of which each may be given alone.
 
     Returns
@@ -113,7 +117,7 @@ def detect_by_planes(
     how = PlaneSettings() if settings is None else settings
     instance("settings", how, PlaneSettings)
     wishes = {"orientation": orientation, "max_angle": max_angle}
-    wishes |= {"threshold": threshold, "min_points": min_points}
+    wishes |= {"threshold": threshold, "min_points": min_points, "kinds": kinds}
     how = replace(how, **{name: wish for name, wish in wishes.items() if wish is not None})
     if callable(sigma):
         sigma = sigma(np.asarray(scan.points))
@@ -133,9 +137,9 @@ def detect_by_planes(
     flat, labels = planes.planes, planes.labels
     curved: tuple[CurvedSurface, ...] = ()
     rounds: list[FoundSolid] = []
-    kinds = [kind for kind in how.kinds if kind != "plane"]
-    if kinds:
-        found = find_surfaces(seen, sigma, kinds, LEAST, n_jobs_or_none(n_jobs), parts=parts)
+    wanted = [kind for kind in how.kinds if kind != "plane"]
+    if wanted:
+        found = find_surfaces(seen, sigma, wanted, LEAST, n_jobs_or_none(n_jobs), parts=parts)
         curved = tuple(each for each in found if not isinstance(each, Plane))
         noise = seen.sigma if sigma is None else as_sigma(sigma, len(seen))
         rounds = round_solids(curved, flat, scan.points, noise if np.any(noise) else None)

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from primfit._check import Floats, Ints
+from primfit._check import Floats, Ints, as_vector
 from primfit.geometry.motions import Motion, turned
 from primfit.geometry.products import product
 from primfit.geometry.shapes import Shape, upright_shape
@@ -209,9 +210,10 @@ class FoundSolid:
         """Vertices (v, 3) and triangles (t, 3), counter-clockwise from outside."""
         return self.solid.to_mesh()
 
-    def moved(self, offset: Floats) -> FoundSolid:
+    def moved(self, offset: ArrayLike) -> FoundSolid:
         """The solid moved by a vector (3,), metres."""
-        return self.laid(Motion(0.0, offset[:2]), float(offset[2]))
+        shift = as_vector("offset", offset, 3)
+        return self.laid(Motion(0.0, shift[:2]), float(shift[2]))
 
     def laid(self, motion: Motion, rise: float = 0.0) -> FoundSolid:
         """The solid where a motion about the vertical, and a `rise`, metres, bring it."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from primfit._check import Floats, Ints
 from primfit._later import Later, called, mapped, replaced
+from primfit.clouds.foreign import PointsLike
 from primfit.surfaces.charts import Patch
 
 _NO_PATCH = Patch((), 0.0)
@@ -79,11 +80,11 @@ class FoundSurface(ABC):
         return {name: float(np.sqrt(variances[at].sum())) for name, at in self._sigmas.items()}
 
     @abstractmethod
-    def distances(self, points: Floats) -> Floats:
+    def distances(self, points: PointsLike) -> Floats:
         """Signed distances (n,) of points (n, 3), metres, positive away from axis or centre."""
 
     @abstractmethod
-    def normals(self, points: Floats) -> Floats:
+    def normals(self, points: PointsLike) -> Floats:
         """Unit normals (n, 3) at the feet of points (n, 3), away from axis or centre."""
 
     def moved(self, offset: Floats) -> Self:

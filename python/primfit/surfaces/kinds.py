@@ -10,6 +10,7 @@ import numpy as np
 
 from primfit._check import Floats, Ints
 from primfit._later import replaced
+from primfit.clouds.foreign import PointsLike, points_of
 from primfit.geometry.products import dots, lengths_of
 from primfit.surfaces.charts import (
     Chart,
@@ -49,14 +50,14 @@ class SphereSurface(FoundSurface):
         """What `covariance` is of (p,)."""
         return np.append(self.center, self.radius)
 
-    def distances(self, points: Floats) -> Floats:
+    def distances(self, points: PointsLike) -> Floats:
         """Signed distances (n,) of points (n, 3), metres, positive away from axis or centre."""
-        distances: Floats = lengths_of(points - self.center) - self.radius
+        distances: Floats = lengths_of(points_of("points", points) - self.center) - self.radius
         return distances
 
-    def normals(self, points: Floats) -> Floats:
+    def normals(self, points: PointsLike) -> Floats:
         """Unit normals (n, 3) at the feet of points (n, 3), away from axis or centre."""
-        away = points - self.center
+        away = points_of("points", points) - self.center
         normals: Floats = away / lengths_of(away)[:, None]
         return normals
 
@@ -81,8 +82,8 @@ class _Round(FoundSurface):
     def _profile(self, rho: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
         """Distance, and the normal's part away from the axis and along it."""
 
-    def _sights(self, points: Floats) -> tuple[Floats, Floats]:
-        away = points - self._place
+    def _sights(self, points: PointsLike) -> tuple[Floats, Floats]:
+        away = points_of("points", points) - self._place
         height = dots(away, self.axis)
         across = away - height[:, None] * self.axis
         rho = lengths_of(across)
@@ -91,11 +92,11 @@ class _Round(FoundSurface):
             radial = across / rho[:, None]
         return distance, out[:, None] * radial + up[:, None] * self.axis
 
-    def distances(self, points: Floats) -> Floats:
+    def distances(self, points: PointsLike) -> Floats:
         """Signed distances (n,) of points (n, 3), metres, positive away from axis or centre."""
         return self._sights(points)[0]
 
-    def normals(self, points: Floats) -> Floats:
+    def normals(self, points: PointsLike) -> Floats:
         """Unit normals (n, 3) at the feet of points (n, 3), away from axis or centre."""
         return self._sights(points)[1]
 

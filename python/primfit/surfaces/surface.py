@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar, Protocol, runtime_checkable
 
 from primfit._check import Floats, Ints
+from primfit.clouds.foreign import PointsLike
 
 
 @runtime_checkable
@@ -50,8 +51,8 @@ class Surface(Protocol):
     def sigmas(self) -> dict[str, float]:
         """Standard deviations by name: metres and radians."""
 
-    def distances(self, points: Floats) -> Floats:
+    def distances(self, points: PointsLike) -> Floats:
         """Signed distances (n,) of points (n, 3), metres."""
 
-    def normals(self, points: Floats) -> Floats:
+    def normals(self, points: PointsLike) -> Floats:
         """Unit normals (n, 3) at the feet of points (n, 3)."""
