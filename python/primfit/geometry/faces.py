@@ -54,33 +54,6 @@ def moments(vertices: Floats, faces: Faces) -> tuple[float, Floats]:
     return volume, product(parts[None], a + b + c)[0] / (4.0 * volume or 1.0)
 
 
-class FlatFaced:
-    """What any solid has that vertices and faces bound."""
-
-    vertices: Floats
-    faces: Faces
-
-    @property
-    def center(self) -> Floats:
-        """Mean of the vertices (3,), metres (the paper's equation 1)."""
-        return self.vertices.mean(axis=0)
-
-    @property
-    def centroid(self) -> Floats:
-        """Centroid of the volume (3,), metres."""
-        return self.center + moments(self.vertices - self.center, self.faces)[1]
-
-    @property
-    def volume(self) -> float:
-        """Volume, cubic metres."""
-        return moments(self.vertices - self.center, self.faces)[0]
-
-    def _text(self, kind: str, size: float | tuple[float, ...], more: str) -> str:
-        center = ", ".join(f"{value:.4f}" for value in self.center)
-        sizes = ", ".join(f"{value:.4f}" for value in np.atleast_1d(size))
-        return f"{type(self).__name__}({kind}, center=({center}), size={sizes} m, {more})"
-
-
 def winding_number(points: Floats, vertices: Floats, triangles: Ints) -> Floats:
     """How often the surface goes around each point (Van Oosterom and Strackee, 1983)."""
     arms = vertices[triangles] - points[:, None, None]

@@ -25,7 +25,7 @@ from primfit._check import (
 from primfit.clouds.foreign import PointsLike, points_of
 from primfit.geometry import shells
 from primfit.geometry.extrusions import prism_faces
-from primfit.geometry.faces import FlatFaced, check_flat, moments, triangles_of, winding_number
+from primfit.geometry.faces import check_flat, moments, triangles_of, winding_number
 from primfit.geometry.footprints import clean_footprint, regular_footprint
 from primfit.geometry.motions import Motion
 from primfit.geometry.products import product
@@ -37,7 +37,7 @@ _PAIRS_AT_ONCE = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
-class Polyhedron(FlatFaced, Solid):
+class Polyhedron(Solid):
     """A solid with flat faces, in any position.
 
     Faces are turned outwards, flat neighbours become one face, and vertices in the middle of edges
@@ -236,6 +236,21 @@ class Polyhedron(FlatFaced, Solid):
         return self.shape.dimensions
 
     @property
+    def center(self) -> Floats:
+        """Mean of the vertices (3,), metres (the paper's equation 1)."""
+        return self.vertices.mean(axis=0)
+
+    @property
+    def centroid(self) -> Floats:
+        """Centroid of the volume (3,), metres."""
+        return self.center + moments(self.vertices - self.center, self.faces)[1]
+
+    @property
+    def volume(self) -> float:
+        """Volume, cubic metres."""
+        return moments(self.vertices - self.center, self.faces)[0]
+
+    @property
     def bounds(self) -> tuple[Floats, Floats]:
         """Lower and upper corner (3,) of the upright box around it, metres."""
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
@@ -345,8 +360,12 @@ class Polyhedron(FlatFaced, Solid):
         }
 
     def __repr__(self) -> str:
-        counts = f"{len(self.faces)} faces, {len(self.vertices)} vertices"
-        return self._text(self.kind, self.size, counts)
+        center = ", ".join(f"{value:.4f}" for value in self.center)
+        sizes = ", ".join(f"{value:.4f}" for value in np.atleast_1d(self.size))
+        return (
+            f"Polyhedron({self.kind}, center=({center}), size={sizes} m, "
+            f"{len(self.faces)} faces, {len(self.vertices)} vertices)"
+        )
 
 
 def _positive(**values: float) -> tuple[float, ...]:
